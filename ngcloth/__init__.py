@@ -1,0 +1,28 @@
+"""ngcloth: which flat piece of woven cloth best covers a given curved surface?"""
+
+from . import scenes
+from .domain import Disk, Domain, Rectangle
+from .errors import InputError, SolveError
+from .fabric import Net
+from .history import Reason
+from .result import Result
+from .scene import Scene
+from .solve import solve
+from .surface import Surface
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Disk",
+    "Domain",
+    "InputError",
+    "Net",
+    "Reason",
+    "Rectangle",
+    "Result",
+    "Scene",
+    "SolveError",
+    "Surface",
+    "scenes",
+    "solve",
+]

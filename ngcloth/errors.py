@@ -1,0 +1,60 @@
+"""The two ways ngcloth says no."""
+
+import numbers
+
+import numpy as np
+
+
+class InputError(ValueError):
+    """An argument the library cannot work with, told before any mesh is made.
+
+    Parameters
+    ----------
+    argument : str
+        The name of the argument as the caller wrote it.
+    value : object
+        What was given.
+    allowed : str
+        What would have been accepted, in words.
+    """
+
+    def __init__(self, argument, value, allowed):
+        super().__init__(f"{argument} = {value!r}: {allowed}")
+        self.argument, self.value, self.allowed = argument, value, allowed
+
+
+class SolveError(RuntimeError):
+    """A solve that did not converge, under ``throw=True``; ``result`` is its last good iterate."""
+
+    def __init__(self, result):
+        super().__init__(str(result.reason))
+        self.result = result
+
+
+def check_number(argument, value, low=None, high=None, *, open_low=False, open_high=False):
+    """Return `value` as a float, or raise `InputError` unless it is finite and within the bounds."""
+    below, above = ("<" if open_low else "<="), ("<" if open_high else "<=")
+    interval = " ".join(
+        part
+        for part in (
+            "" if low is None else f"{low} {below}",
+            argument,
+            "" if high is None else f"{above} {high}",
+        )
+        if part
+    )
+    allowed = f"a finite number, {interval}" if (low, high) != (None, None) else "a finite number"
+    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not np.isfinite(value):
+        raise InputError(argument, value, allowed)
+    too_low = low is not None and (value < low or (open_low and value == low))
+    too_high = high is not None and (value > high or (open_high and value == high))
+    if too_low or too_high:
+        raise InputError(argument, value, allowed)
+    return float(value)
+
+
+def check_integer(argument, value, low):
+    """Return `value` as an int, or raise `InputError` unless it is an integer of at least `low`."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < low:
+        raise InputError(argument, value, f"an integer, {low} or more")
+    return int(value)

@@ -1,0 +1,80 @@
+"""Pseudo-time loops: backward Euler along the H¹ gradient flow of the Lagrangian (eq. 23)."""
+
+from .history import Reason
+from .newton import newton_step
+
+# 1/Δt is this fraction of the energy per area that the last step had in sight: long steps follow
+# by themselves as the flow comes to rest, and convergence stays quadratic.
+DAMPING = 0.05
+LEAST_ANGLE_SINE = 0.0279  # sin 1.6°: what a mesh of default size shows at a collapse
+ROUND_OFF = 1e-26  # energy per area of strains of 1e-13
+
+
+def adaptive_flow(problem, recorder, phase, tolerance):
+    """Flow to rest, one Newton step to each backward Euler step.
+
+    Parameters
+    ----------
+    problem : Lagrangian
+    recorder : Recorder
+    phase : str
+        The name of this stage in the history.
+    tolerance : float
+        Rest is where the decrease still in sight is below this fraction of the Lagrangian.
+
+    Returns
+    -------
+    Reason
+    """
+    sight, boost = problem.value(), 1.0
+    floor = ROUND_OFF * problem.area
+    while not recorder.exhausted:
+        rate = DAMPING * boost * max(sight, floor) / problem.area
+        step = newton_step(problem, rate)
+        recorder.newton += 1
+        if step.length > 0:
+            recorder.record(problem, phase, 1 / rate, step.decrement)
+        # Below the round-off of L the line search decides by chance; the decrement still tells.
+        if boost == 1 and step.decrement <= tolerance * problem.value() + floor:
+            return Reason.CONVERGED
+        if step.length == 1:
+            sight = step.decrement
+            if sight <= 1e-2 * problem.value() and collapsed(problem):
+                return Reason.SINGULAR
+        if step.length == 1 and step.ratio > 0.5:
+            boost = max(boost / 3, 1.0)
+        elif step.length < 0.25:
+            boost *= 8
+            if boost > 1e15:
+                return Reason.STALLED
+    return Reason.STEP_BUDGET
+
+
+def collapsed(problem):
+    """Whether threads of a Chebyshev scene lie within 1.6° of each other somewhere."""
+    sine = (1 - problem.largest_shear() ** 2) ** 0.5
+    return problem.scene.inextensible and sine < LEAST_ANGLE_SINE
+
+
+def fixed_flow(problem, recorder, phase, tolerance, time_step=0.1):
+    """The paper's schedule: steps Δt of one size, each backward Euler equation solved by Newton.
+
+    Rest is where |∂t L|/(2π kc) ≤ `tolerance`. Parameters and return value otherwise as for
+    `adaptive_flow`.
+    """
+    anchor = problem.state.vec.CreateVector()
+    while not recorder.exhausted:
+        anchor.data = problem.state.vec
+        before = problem.value()
+        while not recorder.exhausted:
+            step = newton_step(problem, 1 / time_step, anchor)
+            recorder.newton += 1
+            if step.decrement <= 1e-8 * before:
+                break
+            if step.length == 0:
+                return Reason.STALLED
+        slope = (before - problem.value()) / time_step
+        recorder.record(problem, phase, time_step, slope)
+        if recorder.unit * slope <= tolerance:
+            return Reason.CONVERGED
+    return Reason.STEP_BUDGET

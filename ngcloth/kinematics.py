@@ -1,0 +1,64 @@
+"""From the gradient of ψ to what the cloth feels. Pure expressions, no mesh and no loop."""
+
+from functools import cached_property
+
+import ngsolve as ngs
+
+
+class Kinematics:
+    """The state of the cloth at a point, as NGSolve expressions.
+
+    Parameters
+    ----------
+    gradient : CoefficientFunction, (2, 2)
+        G = ∇ψ, of a trial function or of a GridFunction.
+    metric : CoefficientFunction, (2, 2)
+        First fundamental form a of the target surface.
+
+    Attributes
+    ----------
+    jacobian : J = det G, patch area per parameter area
+    inverse : G⁻¹
+    cauchy_green : C = G⁻ᵀ a G⁻¹ (eq. 8)
+    I4, I6, I8 : the invariants C11, C22, C12
+    stretch1, stretch2 : λ1 = √I4 of the warp, λ2 = √I6 of the weft
+    shear : γ = I8 / (λ1 λ2), cosine of the angle between the threads
+    """
+
+    def __init__(self, gradient, metric):
+        self.jacobian = ngs.Det(gradient)
+        self.inverse = ngs.Inv(gradient)
+        self.cauchy_green = self.inverse.trans * metric * self.inverse
+        self.I4 = self.cauchy_green[0, 0]
+        self.I6 = self.cauchy_green[1, 1]
+        self.I8 = self.cauchy_green[0, 1]
+
+    @cached_property
+    def stretch1(self):
+        return ngs.sqrt(self.I4)
+
+    @cached_property
+    def stretch2(self):
+        return ngs.sqrt(self.I6)
+
+    @cached_property
+    def shear(self):
+        return self.I8 / ngs.sqrt(self.I4 * self.I6)
+
+
+def gradient(psi1, psi2):
+    """G = ∇ψ from the two components of ψ, rows being components."""
+    return ngs.CF((ngs.Grad(psi1), ngs.Grad(psi2)), dims=(2, 2))
+
+
+def stress(cloth, fabric):
+    """w = dW/dC as a symmetric (2, 2) expression, by symbolic differentiation of W(I4, I6, I8)."""
+    energy = fabric.energy(cloth.I4, cloth.I6, cloth.I8)
+    w11, w22, w12 = energy.Diff(cloth.I4), energy.Diff(cloth.I6), energy.Diff(cloth.I8) / 2
+    return ngs.CF((w11, w12, w12, w22), dims=(2, 2))
+
+
+def reaction(cloth, fabric, curvature):
+    """τ = −2 w : G⁻ᵀ b G⁻¹, force per flat area with which the surface pushes (Laplace's law)."""
+    pulled_back = cloth.inverse.trans * curvature * cloth.inverse
+    return -2 * ngs.InnerProduct(stress(cloth, fabric), pulled_back)

@@ -1,0 +1,169 @@
+"""A scene on a mesh: the compound H1 space, and the energies that this scene needs."""
+
+import ngsolve as ngs
+import numpy as np
+from ngsolve.comp import IntegrationRuleSpace
+
+from .kinematics import Kinematics, gradient
+
+
+class Lagrangian:
+    """The Lagrangian of a scene (eq. 22) as an NGSolve `SymbolicEnergy`, divided by kc.
+
+    Parameters
+    ----------
+    scene : Scene
+    mesh : ngsolve.Mesh
+        Curved to `order`.
+    order : int
+        Polynomial order of ψ.
+    quadrature : int
+        Degree of the integration rule, the same for every term and every feasibility check.
+    inverse : str
+        NGSolve's name of the direct solver.
+    gauss_newton : bool
+        Whether `hessian` is the Gauss-Newton matrix of a Chebyshev scene.
+
+    Attributes
+    ----------
+    state : GridFunction
+        The current ψ.
+    mu : float
+        Weight of the term that the outer loop drives to zero.
+    flow : BaseMatrix
+        Inner product of the gradient flow.
+    """
+
+    def __init__(self, scene, mesh, order, quadrature, inverse, gauss_newton):
+        self.scene, self.inverse, self.mu = scene, inverse, 0.0
+        mirrors = ("mirror1", "mirror2") if scene.symmetric else ("", "")
+        self.fes = ngs.FESpace([ngs.H1(mesh, order=order, dirichlet=line) for line in mirrors])
+        self.state = ngs.GridFunction(self.fes, name="state")
+        self.free = self._free_dofs()
+        for component, value in zip(self.state.components, scene.start_expression(), strict=True):
+            component.Set(value)
+
+        self.points = IntegrationRuleSpace(mesh, order=(quadrature + 1) // 2)
+        self._dx = ngs.dx(intrules=self.points.GetIntegrationRules())
+        # Geometry enters as numbers at the integration points, not as expressions of θ: any
+        # chart then costs what the simplest one does.
+        a11, a12, a22 = (self._frozen(scene.surface.metric[i]) for i in ((0, 0), (0, 1), (1, 1)))
+        self._metric = ngs.CF((a11, a12, a12, a22), dims=(2, 2))
+        self.area = ngs.Integrate(ngs.sqrt(ngs.Det(self._metric)) * self._dx, mesh)
+        self.flow = self._flow_matrix()
+
+        here = Kinematics(gradient(*self.state.components), self._metric)
+        self._jacobian, self._shear = here.jacobian.Compile(), here.shear.Compile()
+        self._probe = ngs.GridFunction(self.points)
+
+        cloth = Kinematics(gradient(*self.fes.TrialFunction()), self._metric)
+        self._energy = self._symbolic_energy(cloth.jacobian * self._strain_energy(cloth))
+        self._model = self._gauss_newton(cloth, here) if gauss_newton else self._energy
+        self._bending = self._bending_matrix() if scene.tie_break else None
+
+    # What the loops ask -------------------------------------------------------------------
+
+    def cost(self):
+        """E at the current state, divided by kc, over the meshed domain."""
+        return self._energy.Energy(self.state.vec)
+
+    def value(self):
+        """The Lagrangian at the current state, divided by kc, over the meshed domain."""
+        value = self.cost()
+        if self._bending is not None:
+            psi = self.state.vec
+            value += self.mu / 2 * ngs.InnerProduct(psi, (self._bending * psi).Evaluate())
+        return value
+
+    def gradient(self, out):
+        """Write the derivative of the Lagrangian at the current state to the vector `out`."""
+        self._energy.Apply(self.state.vec, out)
+        if self._bending is not None:
+            out.data += self.mu * (self._bending * self.state.vec)
+
+    def hessian(self):
+        """The second derivative of the Lagrangian, or its Gauss-Newton part if so asked.
+
+        The matrix is assembled anew at each call, into the same memory.
+        """
+        if self._model is not self._energy:
+            for field, expression in self._roots:
+                field.Interpolate(expression)
+        self._model.AssembleLinearization(self.state.vec)
+        matrix = self._model.mat
+        if self._bending is not None:
+            matrix.AsVector().data += self.mu * self._bending.AsVector()
+        return matrix
+
+    def least_jacobian(self):
+        """The least J over all integration points; NaN if it is not finite somewhere."""
+        self._probe.Interpolate(self._jacobian)
+        return self._probe.vec.FV().NumPy().min()
+
+    def largest_shear(self):
+        """The largest |γ| over all integration points."""
+        self._probe.Interpolate(self._shear)
+        return np.abs(self._probe.vec.FV().NumPy()).max()
+
+    # How it is put together ---------------------------------------------------------------
+
+    def _free_dofs(self):
+        """All degrees of freedom but those on mirror lines; without mirrors, but one vertex.
+
+        Energies do not change under translations of ψ, so holding one vertex takes nothing away.
+        """
+        free = ngs.BitArray(self.fes.FreeDofs())
+        if not self.scene.symmetric:
+            free.Clear(self.fes.Range(0).start)
+            free.Clear(self.fes.Range(1).start)
+        return free
+
+    def _frozen(self, expression):
+        values = ngs.GridFunction(self.points)
+        values.Interpolate(expression)
+        return values
+
+    def _strain_energy(self, cloth):
+        fabric = self.scene.fabric
+        return fabric.energy(cloth.I4, cloth.I6, cloth.I8) / fabric.stiffness
+
+    def _symbolic_energy(self, density):
+        form = ngs.BilinearForm(self.fes, symmetric=True)
+        form += ngs.Variation(density.Compile() * self._dx)
+        return form
+
+    def _gauss_newton(self, cloth, here):
+        """The energy whose Hessian at the current state is the Gauss-Newton matrix of E.
+
+        A Chebyshev scene minimises a sum of squares Σ r² that vanishes at the solution. The
+        Hessian of Σ (r − r̄)², r̄ frozen at the current state, is 2 Σ ∇r ∇rᵀ: never indefinite,
+        and ever closer to the Hessian of E. On the hemisphere it takes 7 steps on any mesh where
+        the Hessian of E takes 10 to 40.
+        """
+
+        def roots(state):
+            scale = ngs.sqrt(state.jacobian / self.scene.fabric.stiffness)
+            return [scale * root for root in self.scene.fabric.thread_roots(state.I4, state.I6)]
+
+        self._roots = [(ngs.GridFunction(self.points), root.Compile()) for root in roots(here)]
+        squares = [(r - frozen) ** 2 for r, (frozen, _) in zip(roots(cloth), self._roots)]
+        return self._symbolic_energy(sum(squares[1:], squares[0]))
+
+    def _flow_matrix(self):
+        """Inner product of the gradient flow: the H¹ seminorm on the surface.
+
+        ∫ √det a  a^{αβ} ∂αψ·∂βψ does not depend on the chart; where the chart is conformal it is
+        the paper's ∫ ∇ψ:∇ψ (eq. 23).
+        """
+        weight = ngs.Cof(self._metric) / ngs.sqrt(ngs.Det(self._metric))
+        form = ngs.BilinearForm(self.fes, symmetric=True)
+        for u, v in zip(*self.fes.TnT(), strict=True):
+            form += (weight * ngs.grad(u)) * ngs.grad(v) * self._dx
+        return form.Assemble().mat
+
+    def _bending_matrix(self):
+        """∫ ∇∇ψ:∇∇ψ, element by element."""
+        form = ngs.BilinearForm(self.fes, symmetric=True)
+        for u, v in zip(*self.fes.TnT(), strict=True):
+            form += ngs.InnerProduct(u.Operator("hesse"), v.Operator("hesse")) * ngs.dx
+        return form.Assemble().mat

@@ -1,0 +1,207 @@
+"""What comes out: the optimal patch, and how the solve went. Knows nothing of solvers."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import ngsolve as ngs
+import numpy as np
+
+from .errors import InputError
+from .history import Reason
+from .kinematics import Kinematics, gradient, reaction
+from .scene import Scene
+
+
+@dataclass(frozen=True)
+class Result:
+    """The outcome of `ngcloth.solve`.
+
+    Attributes
+    ----------
+    scene : Scene
+    state : GridFunction
+        ψ on the meshed domain.
+    reason : Reason
+        Why the solve stopped, in words. A result that has not `converged` holds the last good
+        iterate.
+    cost : float
+        E/kc over the meshed domain; `energy` is the figure to use.
+    newton_iterations : int
+        All Newton steps, refused ones included.
+    seconds : float
+        Wall-clock time of the solve.
+    history : list of Row
+        One row per accepted step.
+    settings : dict
+        What was used, defaults and versions included.
+    """
+
+    scene: Scene
+    state: ngs.GridFunction
+    reason: Reason
+    cost: float
+    newton_iterations: int
+    seconds: float
+    history: list
+    settings: dict
+
+    @property
+    def converged(self):
+        """Whether `reason` is `Reason.CONVERGED`."""
+        return self.reason is Reason.CONVERGED
+
+    @property
+    def energy(self):
+        """E = ∫ J W, whole surface, in units of stiffness × length²."""
+        return self.scene.copies * self.scene.fabric.stiffness * self.cost
+
+    @property
+    def normalized_energy(self):
+        """E / (2π kc), as the paper reports it."""
+        return self.energy / self.scene.normalisation
+
+    @cached_property
+    def area(self):
+        """Area of the whole flat patch, ∫ J."""
+        rule = ngs.dx(bonus_intorder=2 * self.settings["order"])
+        return self.scene.copies * ngs.Integrate(self._fields["jacobian"] * rule, self._mesh)
+
+    @cached_property
+    def extrema(self):
+        """Least and greatest value of each field, {"stretch1": (min, max), …}.
+
+        They are taken over a lattice on every element that includes its edges and is finer than
+        the integration rule; the keys are "stretch1", "stretch2", "shear", "reaction" and
+        "jacobian". Shear counts in all mirror images.
+        """
+        n = 2 * self.settings["order"] + 2
+        lattice = [(i / n, j / n) for i in range(n + 1) for j in range(n + 1 - i)]
+        rule = ngs.IntegrationRule(lattice, [0.0] * len(lattice))
+        points = self._mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)
+        extrema = {}
+        for name, expression in self._fields.items():
+            values = expression.Compile()(points)
+            low, high = float(values.min()), float(values.max())
+            if name == "shear" and self.scene.symmetric:
+                low, high = min(low, -high), max(high, -low)
+            extrema[name] = (low, high)
+        return extrema
+
+    def psi(self, theta1, theta2):
+        """Flat position of parameter points.
+
+        Parameters
+        ----------
+        theta1, theta2 : float or array_like
+            Points of the closed domain, rim and mirror images included.
+
+        Returns
+        -------
+        ndarray, (..., 2)
+            X = ψ(θ) in units of length; the centre of the domain is at the origin of a symmetric
+            patch.
+
+        Raises
+        ------
+        InputError
+            If a point lies outside the domain.
+        """
+        theta, sign = self._folded(theta1, theta2)
+        points, offset = self._located(theta)
+        values = np.stack([_at(component, points) for component in self.state.components], axis=-1)
+        slopes = np.stack(
+            [_at(ngs.Grad(component), points) for component in self.state.components], axis=-2
+        )
+        values += np.einsum("nij,nj->ni", slopes, offset)
+        return values.reshape(sign.shape) * sign
+
+    def field(self, name, theta1, theta2):
+        """A field of the cloth at parameter points.
+
+        Parameters
+        ----------
+        name : str
+            "stretch1", "stretch2", "shear" (cosine of the angle between the threads),
+            "reaction" (force per flat area, > 0 where the surface pushes) or "jacobian".
+        theta1, theta2 : float or array_like
+            As for `psi`.
+
+        Returns
+        -------
+        ndarray, (...)
+        """
+        if name not in self._fields:
+            raise InputError("name", name, f"one of {', '.join(self._fields)}")
+        theta, sign = self._folded(theta1, theta2)
+        points, _ = self._located(theta)
+        values = _at(self._fields[name], points).reshape(sign.shape[:-1])
+        return values * sign.prod(axis=-1) if name == "shear" else values
+
+    def outline(self, n=400):
+        """`n` points along the rim of the whole flat patch, shape (n, 2).
+
+        They start at the largest θ1 on the axis θ2 = centre and run counter-clockwise in θ. The
+        curve is closed: the first point follows the last and is not repeated.
+        """
+        return self.psi(*self.scene.surface.domain.rim(n).T)
+
+    def __str__(self):
+        low, high = self.extrema["stretch1"]
+        return (
+            f"{self.scene.name}: {self.reason}\n"
+            f"  E/(2π kc) = {self.normalized_energy:.6e}, patch area {self.area:.6f}\n"
+            f"  λ1 in [{low:.6f}, {high:.6f}], |γ| up to {self.extrema['shear'][1]:.6f}\n"
+            f"  {self.newton_iterations} Newton steps, {self.seconds:.2f} s"
+        )
+
+    @property
+    def _mesh(self):
+        return self.state.space.mesh
+
+    @cached_property
+    def _fields(self):
+        surface = self.scene.surface
+        cloth = Kinematics(gradient(*self.state.components), surface.metric)
+        return {
+            "stretch1": cloth.stretch1,
+            "stretch2": cloth.stretch2,
+            "shear": cloth.shear,
+            "reaction": reaction(cloth, self.scene.fabric, surface.curvature),
+            "jacobian": cloth.jacobian,
+        }
+
+    def _folded(self, theta1, theta2):
+        """Images (n, 2) of the points in the meshed domain, and the signs (..., 2) of ψ there."""
+        theta = np.stack(np.broadcast_arrays(theta1, theta2), axis=-1).astype(float)
+        domain = self.scene.surface.domain
+        outside = ~domain.contains(theta)
+        if outside.any():
+            raise InputError("theta", tuple(theta[outside][0]), f"a point of {domain}")
+        sign = np.ones_like(theta)
+        if self.scene.symmetric:
+            sign[theta < domain.centre] = -1
+            theta = domain.centre + np.abs(theta - domain.centre)
+        return theta.reshape(-1, 2), sign
+
+    def _located(self, theta):
+        """Mesh points at or right beside `theta`, and what is missing, θ − θ(point), (n, 2).
+
+        Curved elements follow the rim up to interpolation error: points of the rim may lie
+        outside every element by as much, and are approached from the centre.
+        """
+        centre = self.scene.surface.domain.centre
+        inside = theta.copy()
+        if self.scene.symmetric:
+            centre = centre + 0.25 * self.scene.surface.domain.diameter
+        for shrink in (0.0, *10.0 ** np.arange(-13, -1)):
+            points = self._mesh(*inside.T)
+            missing = points["nr"] < 0
+            if not missing.any():
+                break
+            inside[missing] = centre + (1 - shrink) * (theta[missing] - centre)
+        return points, theta - inside
+
+
+def _at(expression, points):
+    values = np.asarray(expression(points))
+    return values.reshape(len(points), *(expression.dims or ()))

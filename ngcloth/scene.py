@@ -1,0 +1,136 @@
+"""What the user says: surface, fabric, limits, symmetry and start. Validates, computes nothing."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import ngsolve as ngs
+import numpy as np
+
+from .errors import InputError, check_number
+from .fabric import Net
+from .surface import Surface
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One clothing problem: which flat patch best covers the surface?
+
+    Parameters
+    ----------
+    surface : Surface
+        The target surface N = φ(U).
+    fabric : Net
+        The strain energy W(I4, I6, I8) of the cloth.
+    start : (float, float) or callable, optional
+        First guess of ψ: a pair (s1, s2) means ψ = (s1 θ1, s2 θ2); a callable of (θ1, θ2) returns
+        the two components as NGSolve expressions. Only its gradient matters, ψ being free up to a
+        translation. By default the pair that makes both stretches 1 in the mean.
+    symmetric : bool, optional
+        Solve on a quarter of the domain, with mirror lines through its centre: ψ1 odd and ψ2 even
+        across θ1 = centre, ψ2 odd and ψ1 even across θ2 = centre. Default False.
+    tie_break : float, optional
+        For surfaces whose Chebyshev net is not unique: among all nets, choose the one that bends
+        least, the limit of (ε/2) ∫ |∇∇ψ|² added to E/kc for ε → 0+. The value is the last ε; 0,
+        the default, leaves the term out.
+    name : str, optional
+        How the scene is called in printed lines and figures.
+
+    Raises
+    ------
+    InputError
+        If an argument is of the wrong kind, or the start folds the cloth (J ≤ 0) somewhere, or
+        does not have the symmetry asked for.
+    """
+
+    surface: Surface
+    fabric: Net
+    start: tuple | Callable | None = None
+    symmetric: bool = False
+    tie_break: float = 0.0
+    name: str = "scene"
+
+    def __post_init__(self):
+        if not isinstance(self.surface, Surface):
+            raise InputError("surface", self.surface, "an ngcloth.Surface")
+        if not callable(getattr(self.fabric, "energy", None)):
+            raise InputError(
+                "fabric", self.fabric, "an ngcloth.Net, or an object with its `energy`"
+            )
+        if not isinstance(self.symmetric, bool):
+            raise InputError("symmetric", self.symmetric, "True or False")
+        check_number("tie_break", self.tie_break, 0, 1)
+        self._check_start()
+
+    @property
+    def inextensible(self):
+        """Whether this is a Chebyshev scene: E is nothing but thread energy, and can vanish."""
+        return isinstance(self.fabric, Net) and self.fabric.ks == 0
+
+    @property
+    def copies(self):
+        """How many mirror images of the meshed domain make up the whole: 4 or 1."""
+        return 4 if self.symmetric else 1
+
+    @property
+    def normalisation(self):
+        """2π kc, the unit in which the paper gives energies."""
+        return 2 * np.pi * self.fabric.stiffness
+
+    def start_expression(self):
+        """The first guess as a pair of NGSolve expressions of x = θ1, y = θ2, zero at the centre."""
+        start = self.start
+        if callable(start):
+            psi = ngs.CF(tuple(start(ngs.x, ngs.y)))
+        else:
+            if start is None:
+                metric = self.surface.evaluate(self.surface.metric, self.surface.domain.sample())
+                start = np.sqrt(np.diagonal(metric, axis1=1, axis2=2)).mean(axis=0)
+            psi = ngs.CF((float(start[0]) * ngs.x, float(start[1]) * ngs.y))
+        at_centre = self.surface.evaluate(psi, self.surface.domain.centre)
+        return psi[0] - float(at_centre[0]), psi[1] - float(at_centre[1])
+
+    def _check_start(self):
+        if self.start is not None and not callable(self.start):
+            if np.shape(self.start) != (2,):
+                raise InputError("start", self.start, "a pair (s1, s2) or a callable of (θ1, θ2)")
+            for factor in self.start:
+                check_number("start", factor)
+        psi1, psi2 = self.start_expression()
+        jacobian = psi1.Diff(ngs.x) * psi2.Diff(ngs.y) - psi1.Diff(ngs.y) * psi2.Diff(ngs.x)
+        domain = self.surface.domain
+        points = domain.sample()
+        values = self.surface.evaluate(jacobian, points)
+        worst = int(np.argmin(np.where(np.isfinite(values), values, -np.inf)))
+        if not values[worst] > 0:
+            where = tuple(float(t) for t in points[worst])
+            raise InputError(
+                "start",
+                self.start,
+                f"J = det ∇ψ must be > 0, and is {values[worst]:.3g} at θ = {where}",
+            )
+        if self.symmetric:
+            psi = ngs.CF((psi1, psi2))
+            here = self.surface.evaluate(psi, points)
+            for axis, flip in enumerate([(-1, 1), (1, -1)]):
+                image = points.copy()
+                image[:, axis] = 2 * domain.centre[axis] - image[:, axis]
+                there = self.surface.evaluate(psi, image) * flip
+                if not np.allclose(here, there, atol=1e-9 * np.abs(here).max()):
+                    raise InputError(
+                        "start", self.start, "a map with the mirror symmetry of the scene"
+                    )
+
+    def __str__(self):
+        domain = f"{self.surface.domain}" + (", one quarter" if self.symmetric else "")
+        terms = ["E(ψ), the strain energy"]
+        if self.tie_break:
+            terms.append(f"ε/2 ∫ |∇∇ψ|², ε → {self.tie_break:g}, to choose one net among many")
+        return "\n".join(
+            [
+                f"{self.name}",
+                f"  domain  {domain}",
+                f"  fabric  {self.fabric}",
+                "  unknown ψ1, ψ2",
+                "  terms   " + "; ".join(terms),
+            ]
+        )

@@ -153,7 +153,7 @@ class ChebyshevNet:
         return np.stack([points, tangents], axis=-2)
 
     def _solve(self, i, j):
-        """Solve blocks (i, j), none of which depends on another, from their left and lower edges."""
+        """Solve mutually independent blocks (i, j) from their left and lower edges."""
         below, left = self._net[i, j - 1, :, -1], self._net[i - 1, j, -1]
         ready = np.isfinite(below[..., :2, :] + left[..., 2:, :]).all(axis=(1, 2, 3))
         i, j, below, left = i[ready], j[ready], below[ready, :, None], left[ready, None]
@@ -243,7 +243,7 @@ class _Geometry:
         return np.einsum("...i,...ij,...j", first, self._evaluate(self._metric, theta), second)
 
     def mixed_derivative(self, theta, p, q):
-        """θ_uv = −Γ(p, q), shape (..., 2), with a_kl Γ^l_ij = ½ (∂_i a_jk + ∂_j a_ik − ∂_k a_ij)."""
+        """θ_uv = −Γ(p, q), (..., 2), with a_kl Γ^l_ij = ½ (∂_i a_jk + ∂_j a_ik − ∂_k a_ij)."""
         a = self._evaluate(self._metric, theta)
         da = np.stack([self._evaluate(each, theta) for each in self._derivatives], axis=-3)
         symbols = (da.swapaxes(-3, -2) + da.swapaxes(-3, -1) - da) / 2

@@ -32,7 +32,7 @@ class SolveError(RuntimeError):
 
 
 def check_number(argument, value, low=None, high=None, *, open_low=False, open_high=False):
-    """Return `value` as a float, or raise `InputError` unless it is finite and within the bounds."""
+    """Return `value` as a float; raise `InputError` unless it is finite and within the bounds."""
     below, above = ("<" if open_low else "<="), ("<" if open_high else "<=")
     interval = " ".join(
         part

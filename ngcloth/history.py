@@ -55,7 +55,8 @@ class Row:
     def __str__(self):
         return (
             f"{self.newton:5d}  {self.phase:9s}  {self.mu:8.1e}  {self.step:8.1e}  "
-            f"{self.energy:10.4e}  {self.lagrangian:11.4e}  {self.residual:8.1e}  {self.seconds:7.2f}"
+            f"{self.energy:10.4e}  {self.lagrangian:11.4e}  "
+            f"{self.residual:8.1e}  {self.seconds:7.2f}"
         )
 
     @staticmethod
@@ -88,10 +89,12 @@ class Recorder:
 
     @property
     def exhausted(self):
+        """Whether the budget is used up."""
         return self.newton >= self.max_steps
 
     @property
     def seconds(self):
+        """Wall-clock time since the solve began."""
         return time.perf_counter() - self._begin
 
     def record(self, problem, phase, step, residual):

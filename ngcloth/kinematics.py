@@ -34,15 +34,15 @@ class Kinematics:
         self.I8 = self.cauchy_green[0, 1]
 
     @cached_property
-    def stretch1(self):
+    def stretch1(self):  # noqa: D102
         return ngs.sqrt(self.I4)
 
     @cached_property
-    def stretch2(self):
+    def stretch2(self):  # noqa: D102
         return ngs.sqrt(self.I6)
 
     @cached_property
-    def shear(self):
+    def shear(self):  # noqa: D102
         return self.I8 / ngs.sqrt(self.I4 * self.I6)
 
 

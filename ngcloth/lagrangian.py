@@ -146,7 +146,9 @@ class Lagrangian:
             return [scale * root for root in self.scene.fabric.thread_roots(state.I4, state.I6)]
 
         self._roots = [(ngs.GridFunction(self.points), root.Compile()) for root in roots(here)]
-        squares = [(r - frozen) ** 2 for r, (frozen, _) in zip(roots(cloth), self._roots)]
+        squares = [
+            (r - frozen) ** 2 for r, (frozen, _) in zip(roots(cloth), self._roots, strict=True)
+        ]
         return self._symbolic_energy(sum(squares[1:], squares[0]))
 
     def _flow_matrix(self):

@@ -77,7 +77,7 @@ class Scene:
         return 2 * np.pi * self.fabric.stiffness
 
     def start_expression(self):
-        """The first guess as a pair of NGSolve expressions of x = θ1, y = θ2, zero at the centre."""
+        """The first guess, a pair of NGSolve expressions of x = θ1, y = θ2, zero at the centre."""
         start = self.start
         if callable(start):
             psi = ngs.CF(tuple(start(ngs.x, ngs.y)))

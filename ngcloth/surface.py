@@ -65,21 +65,21 @@ class Surface:
         self._check_metric()
 
     @cached_property
-    def metric(self):
+    def metric(self):  # noqa: D102
         first, second = self._tangents
         return ngs.CF((first * first, first * second, first * second, second * second), dims=(2, 2))
 
     @cached_property
-    def metric_derivatives(self):
+    def metric_derivatives(self):  # noqa: D102
         return (self.metric.Diff(ngs.x), self.metric.Diff(ngs.y))
 
     @cached_property
-    def normal(self):
+    def normal(self):  # noqa: D102
         across = ngs.Cross(*self._tangents)
         return self.side / ngs.Norm(across) * across
 
     @cached_property
-    def curvature(self):
+    def curvature(self):  # noqa: D102
         first, second = self._tangents
         b11, b12, b22 = (
             ngs.InnerProduct(derivative, self.normal)
@@ -116,7 +116,7 @@ class Surface:
         """
         theta = np.asarray(theta, dtype=float)
         points = self._frame(*theta.reshape(-1, 2).T)
-        values = np.asarray(expression(points))
+        values = np.asarray(expression.Compile()(points))
         return values.reshape(theta.shape[:-1] + tuple(expression.dims))
 
     def _check_metric(self):

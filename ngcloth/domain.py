@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .errors import InputError, check_number
+from .errors import InputError, check_integer, check_number
 
 
 class Domain:
@@ -74,6 +74,7 @@ class Disk(Domain):
 
     def rim(self, n):
         """`n` points around the rim, counter-clockwise from (radius, 0), shape (n, 2)."""
+        n = check_integer("n", n, 1)
         t = 2 * np.pi * np.arange(n) / n
         return self.radius * np.stack([np.cos(t), np.sin(t)], axis=-1)
 
@@ -93,7 +94,10 @@ class Rectangle(Domain):
     def __post_init__(self):
         for name in ("side1", "side2"):
             side = getattr(self, name)
-            if not (np.shape(side) == (2,) and np.all(np.isfinite(side)) and side[0] < side[1]):
+            if not isinstance(side, tuple | list | np.ndarray) or len(side) != 2:
+                raise InputError(name, side, "a pair of finite numbers, low < high")
+            low, high = (check_number(name, end) for end in side)
+            if not low < high:
                 raise InputError(name, side, "a pair of finite numbers, low < high")
 
     @property
@@ -110,9 +114,10 @@ class Rectangle(Domain):
     def rim(self, n):
         """`n` points around the rim, counter-clockwise from the middle of the right side, (n, 2).
 
-        They are equally spaced by arc length but for the four corners, which are always met:
-        the point next to each corner is moved onto it.
+        They are equally spaced along each side, and nearly so from side to side. Six points or
+        more always meet the four corners.
         """
+        n = check_integer("n", n, 1)
         (low1, high1), (low2, high2) = self.box
         width, height = high1 - low1, high2 - low2
         middle = (low2 + high2) / 2
@@ -128,8 +133,11 @@ class Rectangle(Domain):
         )
         lengths = np.cumsum([0, height / 2, width, height, width, height / 2])
         s = lengths[-1] * np.arange(n) / n
-        if n >= 8:
-            s[np.abs(s[:, None] - lengths[1:-1]).argmin(axis=0)] = lengths[1:-1]
+        if n >= 6:
+            half = n // 2
+            first = int(np.clip(round(n * lengths[1] / lengths[-1]), 1, (half - 1) // 2))
+            met = [0, first, half - first, n - half + first, n - first, n]
+            s = np.interp(np.arange(n), met, lengths)
         return np.stack([np.interp(s, lengths, corners[:, i]) for i in (0, 1)], axis=-1)
 
     def _shape(self):

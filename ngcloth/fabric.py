@@ -25,7 +25,7 @@ class Net:
 
     def __post_init__(self):
         pair = self.kc if isinstance(self.kc, tuple) else (self.kc,)
-        if len(pair) > 2:
+        if isinstance(self.kc, tuple) and len(pair) != 2:
             raise InputError("kc", self.kc, "one stiffness, or a pair for warp and weft")
         for stiffness in pair:
             check_number("kc", stiffness, 0, open_low=True)

@@ -7,6 +7,7 @@ from .newton import newton_step
 # by themselves as the flow comes to rest, and convergence stays quadratic.
 DAMPING = 0.05
 LEAST_ANGLE_SINE = 0.0279  # sin 1.6°: what a mesh of default size shows at a collapse
+ROUND_OFF_OF_VALUE = 1e-14
 ROUND_OFF = 1e-26  # energy per area of strains of 1e-13
 
 
@@ -35,7 +36,8 @@ def adaptive_flow(problem, recorder, phase, tolerance):
         if step.length > 0:
             recorder.record(problem, phase, 1 / rate, step.decrement)
         # Below the round-off of L the line search decides by chance; the decrement still tells.
-        if boost == 1 and step.decrement <= tolerance * problem.value() + floor:
+        small = tolerance if boost == 1 else ROUND_OFF_OF_VALUE / boost
+        if step.decrement <= small * problem.value() + floor:
             return Reason.CONVERGED
         if step.length == 1:
             sight = step.decrement

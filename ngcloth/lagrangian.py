@@ -42,6 +42,9 @@ class Lagrangian:
         self.free = self._free_dofs()
         for component, value in zip(self.state.components, scene.start_expression(), strict=True):
             component.Set(value)
+        if scene.symmetric:
+            # Set leaves its projection error on the mirror lines, where nothing would remove it.
+            self.state.vec.data = ngs.Projector(self.free, True) * self.state.vec
 
         self.points = IntegrationRuleSpace(mesh, order=(quadrature + 1) // 2)
         self._dx = ngs.dx(intrules=self.points.GetIntegrationRules())

@@ -130,7 +130,7 @@ class Result:
         -------
         ndarray, (...)
         """
-        if name not in self._fields:
+        if not isinstance(name, str) or name not in self._fields:
             raise InputError("name", name, f"one of {', '.join(self._fields)}")
         theta, sign = self._folded(theta1, theta2)
         points, _ = self._located(theta)
@@ -172,11 +172,17 @@ class Result:
 
     def _folded(self, theta1, theta2):
         """Images (n, 2) of the points in the meshed domain, and the signs (..., 2) of ψ there."""
-        theta = np.stack(np.broadcast_arrays(theta1, theta2), axis=-1).astype(float)
+        try:
+            theta = np.stack(np.broadcast_arrays(theta1, theta2), axis=-1).astype(
+                float, casting="safe"
+            )
+        except (TypeError, ValueError):
+            allowed = "real numbers or arrays that broadcast against each other"
+            raise InputError("theta", (theta1, theta2), allowed) from None
         domain = self.scene.surface.domain
         outside = ~domain.contains(theta)
         if outside.any():
-            raise InputError("theta", tuple(theta[outside][0]), f"a point of {domain}")
+            raise InputError("theta", tuple(theta[outside][0].tolist()), f"a point of {domain}")
         sign = np.ones_like(theta)
         if self.scene.symmetric:
             sign[theta < domain.centre] = -1
@@ -193,7 +199,7 @@ class Result:
         inside = theta.copy()
         if self.scene.symmetric:
             centre = centre + 0.25 * self.scene.surface.domain.diameter
-        for shrink in (0.0, *10.0 ** np.arange(-13, -1)):
+        for shrink in (0.0, *10.0 ** np.arange(-13, -2), *np.linspace(0.01, 0.3, 30)):
             points = self._mesh(*inside.T)
             missing = points["nr"] < 0
             if not missing.any():

@@ -52,7 +52,7 @@ class Scene:
     def __post_init__(self):
         if not isinstance(self.surface, Surface):
             raise InputError("surface", self.surface, "an ngcloth.Surface")
-        if not callable(getattr(self.fabric, "energy", None)):
+        if isinstance(self.fabric, type) or not callable(getattr(self.fabric, "energy", None)):
             raise InputError(
                 "fabric", self.fabric, "an ngcloth.Net, or an object with its `energy`"
             )
@@ -80,7 +80,12 @@ class Scene:
         """The first guess, a pair of NGSolve expressions of x = θ1, y = θ2, zero at the centre."""
         start = self.start
         if callable(start):
-            psi = ngs.CF(tuple(start(ngs.x, ngs.y)))
+            try:
+                psi = ngs.CF(tuple(start(ngs.x, ngs.y)))
+            except (TypeError, ValueError) as error:
+                raise InputError("start", start, f"two components of ψ ({error})") from error
+            if tuple(psi.dims) != (2,):
+                raise InputError("start", start, f"two components of ψ, not {tuple(psi.dims)}")
         else:
             if start is None:
                 metric = self.surface.evaluate(self.surface.metric, self.surface.domain.sample())
@@ -91,7 +96,7 @@ class Scene:
 
     def _check_start(self):
         if self.start is not None and not callable(self.start):
-            if np.shape(self.start) != (2,):
+            if not isinstance(self.start, tuple | list | np.ndarray) or len(self.start) != 2:
                 raise InputError("start", self.start, "a pair (s1, s2) or a callable of (θ1, θ2)")
             for factor in self.start:
                 check_number("start", factor)
@@ -100,7 +105,8 @@ class Scene:
         domain = self.surface.domain
         points = domain.sample()
         values = self.surface.evaluate(jacobian, points)
-        worst = int(np.argmin(np.where(np.isfinite(values), values, -np.inf)))
+        values = np.where(np.isfinite(values), values, np.nan)
+        worst = int(np.argmin(values))  # a NaN, if there is one
         if not values[worst] > 0:
             where = tuple(float(t) for t in points[worst])
             raise InputError(

@@ -86,6 +86,8 @@ def solve(
         "inverse": _check_choice("inverse", inverse, INVERSES),
         "ngsolve": ngs.__version__,
     }
+    if not (log is None or callable(log)):
+        raise InputError("log", log, "a callable of one line of text, or None")
 
     recorder = Recorder(scene.copies / scene.normalisation * scene.fabric.stiffness, max_steps, log)
     mesh = make_mesh(scene, settings["maxh"], order)
@@ -128,6 +130,6 @@ def _run(problem, recorder, flow, tolerance):
 
 
 def _check_choice(argument, value, choices):
-    if value not in choices:
+    if not isinstance(value, str) or value not in choices:
         raise InputError(argument, value, "one of " + ", ".join(map(repr, choices)))
     return value

@@ -1,5 +1,6 @@
 """Target surfaces: a chart φ on a domain U, and its geometry by symbolic differentiation."""
 
+import numbers
 from functools import cached_property
 
 import ngsolve as ngs
@@ -44,18 +45,18 @@ class Surface:
     def __init__(self, chart, domain, side=1):
         if not isinstance(domain, Domain):
             raise InputError("domain", domain, "a Disk, a Rectangle or another Domain")
-        if side not in (1, -1):
+        if isinstance(side, bool) or not isinstance(side, numbers.Integral) or abs(side) != 1:
             raise InputError("side", side, "1 or -1, the side of ∂1φ × ∂2φ on which the cloth lies")
         if not callable(chart):
             raise InputError("chart", chart, "a callable of (θ1, θ2) with three components")
         self.chart, self.domain, self.side = chart, domain, side
 
-        components = chart(ngs.x, ngs.y)
-        if not isinstance(components, ngs.CoefficientFunction):
-            try:
+        try:
+            components = chart(ngs.x, ngs.y)
+            if not isinstance(components, ngs.CoefficientFunction):
                 components = ngs.CF(tuple(components))
-            except TypeError:
-                raise InputError("chart", components, "three components of φ") from None
+        except (TypeError, ValueError) as error:
+            raise InputError("chart", chart, f"three components of φ ({error})") from error
         if tuple(components.dims) != (3,):
             raise InputError(
                 "chart", tuple(components.dims), "φ must have exactly three components"

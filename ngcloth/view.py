@@ -1,0 +1,167 @@
+"""Pictures in space of a `Result` with PyVista: the cloth on its surface, thread by thread."""
+
+import os
+import sys
+from ctypes.util import find_library
+
+import numpy as np
+import pyvista as pv
+from matplotlib import get_data_path
+
+from .plot import LABELS, WARP, WEFT, colours, sample, sampled_field, thread_levels
+
+MATT = {"smooth_shading": True, "ambient": 0.45, "diffuse": 0.55}
+FONT_FILE = 4  # VTK's number of a font family read from a file
+BAR_SHARE = 0.2  # of the width of a picture, on the right
+
+
+def cloth(
+    result,
+    *,
+    field=None,
+    pitch=None,
+    screenshot=None,
+    azimuth=-60.0,
+    elevation=35.0,
+    size=(900, 800),
+    rings=100,
+):
+    """Draw the cloth on its surface.
+
+    Parameters
+    ----------
+    result : Result
+    field : str, optional
+        One of `ngcloth.plot.LABELS`, drawn in colours on the cloth. By default it is plain.
+    pitch : float, optional
+        Distance between the threads drawn, in units of length; by default a twentieth of the
+        width of the patch. Warp threads are the lines X2 = const, weft threads X1 = const.
+    screenshot : path, optional
+        Where to save the picture. Needs no display.
+    azimuth, elevation : float, optional
+        Where to look from, in degrees: `elevation` above the plane tangent to the surface at
+        the centre of the domain, on the side of the cloth; `azimuth` about its normal, which
+        points upwards in the picture, from the warp.
+    size : (int, int), optional
+        Width and height of the picture in pixels.
+    rings : int, optional
+        Fineness of the sampling, see `ngcloth.plot.sample`.
+
+    Returns
+    -------
+    pyvista.Plotter
+        Call ``show()`` on it for a window. It is closed if there is a `screenshot`.
+
+    Raises
+    ------
+    RuntimeError
+        If this machine has neither a display nor a library to draw without one.
+    """
+    if screenshot is not None:
+        _choose_window()
+    mesh, frame = _sampled_surface(result, rings)
+    plotter = pv.Plotter(off_screen=screenshot is not None, window_size=list(size))
+    plotter.set_background("white")
+    if field is None:
+        plotter.add_mesh(mesh, color="gainsboro", **MATT)
+    else:
+        _add_map(plotter, mesh, field, sampled_field(result, field, mesh.point_data["theta"]))
+    width = np.ptp(mesh.point_data["psi1"])
+    pitch = width / 20 if pitch is None else pitch
+    for position, colour in (("psi2", WARP), ("psi1", WEFT)):
+        levels = thread_levels(mesh.point_data[position], pitch)
+        lines = mesh.contour(list(levels), scalars=position).strip()
+        tubes = lines.tube(radius=0.0016 * mesh.length, n_sides=8)
+        plotter.add_mesh(tubes, color="dimgray" if field else colour, smooth_shading=True)
+    rim = np.arange(mesh.n_points - 4 * rings, mesh.n_points)
+    edge = pv.lines_from_points(mesh.points[rim], close=True)
+    plotter.add_mesh(edge.tube(radius=0.0025 * mesh.length, n_sides=8), color="black")
+
+    _look(plotter, mesh, frame, azimuth, elevation, BAR_SHARE if field else 0.0)
+    if screenshot is not None:
+        plotter.screenshot(str(screenshot))
+        plotter.close()
+    return plotter
+
+
+def _choose_window():
+    """Have VTK draw by EGL where there is no display: left alone it complains, or crashes."""
+    if sys.platform != "linux" or os.environ.get("DISPLAY"):
+        return
+    if find_library("EGL"):
+        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+    elif not find_library("OSMesa"):
+        raise RuntimeError("no display, and neither libEGL nor libOSMesa to draw without one")
+
+
+def _sampled_surface(result, rings):
+    """The surface as triangles with θ, ψ1 and ψ2 at each point, and (warp, weft, normal) at the
+    centre of its domain."""
+    surface = result.scene.surface
+    theta, triangles = sample(result, rings)
+    mesh = pv.PolyData.from_regular_faces(surface.evaluate(surface.position, theta), triangles)
+    psi = result.psi(*theta.T)
+    mesh.point_data["theta"] = theta
+    mesh.point_data["psi1"], mesh.point_data["psi2"] = psi[:, 0], psi[:, 1]
+
+    normal = surface.evaluate(surface.normal, surface.domain.centre)
+    towards = mesh.points[1] - mesh.points[0]  # the first spoke runs along θ1
+    warp = towards - (towards @ normal) * normal
+    warp /= np.linalg.norm(warp)
+    return mesh, (warp, np.cross(normal, warp), normal)
+
+
+def _add_map(plotter, mesh, field, values):
+    """The surface coloured by a field, and a colour bar that names it."""
+    mesh.point_data[field] = values
+    chosen = colours(field, values)
+    limits = [chosen["vmin"], chosen["vmax"]]
+    actor = plotter.add_mesh(
+        mesh, scalars=field, cmap=chosen["cmap"], clim=limits, show_scalar_bar=False, **MATT
+    )
+    height = plotter.window_size[1]
+    bar = plotter.add_scalar_bar(
+        title=_plain(LABELS[field]) + "\n",
+        mapper=actor.mapper,
+        vertical=True,
+        position_x=1 - BAR_SHARE,
+        position_y=0.1,
+        width=0.08,
+        height=0.8,
+        color="black",
+        title_font_size=height // 32,
+        label_font_size=height // 36,
+        fmt="%.2f" if np.ptp(limits) > 0.1 else "%.5f",
+    )
+    # The fonts that VTK brings along have no Greek letters.
+    for text in (bar.GetTitleTextProperty(), bar.GetLabelTextProperty()):
+        text.SetFontFamily(FONT_FILE)
+        text.SetFontFile(f"{get_data_path()}/fonts/ttf/DejaVuSans.ttf")
+
+
+def _look(plotter, mesh, frame, azimuth, elevation, bar_share):
+    """Place the camera, without perspective, so that the surface fills the picture."""
+    warp, weft, normal = frame
+    a, e = np.radians([azimuth, elevation])
+    level = np.cos(a) * warp + np.sin(a) * weft
+    direction = np.cos(e) * level + np.sin(e) * normal
+    up = np.cos(e) * normal - np.sin(e) * level
+    right = np.cross(up, direction)
+
+    across, along = mesh.points @ right, mesh.points @ up
+    width, height = plotter.window_size
+    scale = 0.53 * max(np.ptp(along), np.ptp(across) * height / width / (1 - bar_share))
+    focus = (across.min() + across.max()) / 2 * right + (along.min() + along.max()) / 2 * up
+    focus += bar_share * scale * width / height * right
+    plotter.camera_position = [focus + 3 * mesh.length * direction, focus, up]
+    plotter.enable_parallel_projection()
+    plotter.camera.parallel_scale = scale
+    plotter.renderer.reset_camera_clipping_range()
+
+
+def _plain(label):
+    """A label without the dollars and commands of TeX, which VTK does not draw."""
+    replacements = {"$": "", r"\lambda_": "λ", r"\gamma": "γ", r"\tau": "τ", "k_c": "kc"}
+    for tex, plain in replacements.items():
+        label = label.replace(tex, plain)
+    return label

@@ -1,6 +1,7 @@
 """ngcloth: which flat piece of woven cloth best covers a given curved surface?"""
 
 from . import scenes
+from .constraints import Elongation, Obstacle, ShearLimit
 from .domain import Disk, Domain, Rectangle
 from .errors import InputError, SolveError
 from .fabric import Net
@@ -15,12 +16,15 @@ __version__ = "0.1.0"
 __all__ = [
     "Disk",
     "Domain",
+    "Elongation",
     "InputError",
     "Net",
+    "Obstacle",
     "Reason",
     "Rectangle",
     "Result",
     "Scene",
+    "ShearLimit",
     "SolveError",
     "Surface",
     "scenes",

@@ -14,6 +14,9 @@ class Reason(enum.Enum):
         "or the mesh cannot resolve it"
     )
     STEP_BUDGET = "stopped: the budget of Newton steps is used up"
+    BOUNDARY = (
+        "stopped: every step leads out of the feasible set; the limits may contradict each other"
+    )
     STALLED = "stopped: no step, however small, lowers the Lagrangian any more"
 
     def __str__(self):

@@ -14,6 +14,10 @@ class Kinematics:
         G = ∇ψ, of a trial function or of a GridFunction.
     metric : CoefficientFunction, (2, 2)
         First fundamental form a of the target surface.
+    fabric : Net or similar, optional
+        Needed for `contravariant_stress` and `reaction`.
+    curvature : callable, optional
+        Returns the second fundamental form b, (2, 2); only called for `reaction`.
 
     Attributes
     ----------
@@ -23,9 +27,12 @@ class Kinematics:
     I4, I6, I8 : the invariants C11, C22, C12
     stretch1, stretch2 : λ1 = √I4 of the warp, λ2 = √I6 of the weft
     shear : γ = I8 / (λ1 λ2), cosine of the angle between the threads
+    contravariant_stress : S = G⁻¹ w G⁻ᵀ with w = dW/dC, force per flat length
+    reaction : τ = −2 S : b, force per flat area with which the surface pushes (Laplace's law)
     """
 
-    def __init__(self, gradient, metric):
+    def __init__(self, gradient, metric, fabric=None, curvature=None):
+        self.gradient, self.fabric, self.curvature = gradient, fabric, curvature
         self.jacobian = ngs.Det(gradient)
         self.inverse = ngs.Inv(gradient)
         self.cauchy_green = self.inverse.trans * metric * self.inverse
@@ -45,20 +52,25 @@ class Kinematics:
     def shear(self):  # noqa: D102
         return self.I8 / ngs.sqrt(self.I4 * self.I6)
 
+    @cached_property
+    def contravariant_stress(self):  # noqa: D102
+        energy = self.fabric.energy(self.I4, self.I6, self.I8)
+        w11, w22, w12 = energy.Diff(self.I4), energy.Diff(self.I6), energy.Diff(self.I8) / 2
+        w = ngs.CF((w11, w12, w12, w22), dims=(2, 2))
+        return self.inverse * w * self.inverse.trans
+
+    @cached_property
+    def reaction(self):  # noqa: D102
+        return -2 * ngs.InnerProduct(self.contravariant_stress, self.curvature())
+
 
 def gradient(psi1, psi2):
     """G = ∇ψ from the two components of ψ, rows being components."""
     return ngs.CF((ngs.Grad(psi1), ngs.Grad(psi2)), dims=(2, 2))
 
 
-def stress(cloth, fabric):
-    """w = dW/dC as a symmetric (2, 2) expression, by symbolic differentiation of W(I4, I6, I8)."""
-    energy = fabric.energy(cloth.I4, cloth.I6, cloth.I8)
-    w11, w22, w12 = energy.Diff(cloth.I4), energy.Diff(cloth.I6), energy.Diff(cloth.I8) / 2
-    return ngs.CF((w11, w12, w12, w22), dims=(2, 2))
-
-
-def reaction(cloth, fabric, curvature):
-    """τ = −2 w : G⁻ᵀ b G⁻¹, force per flat area with which the surface pushes (Laplace's law)."""
-    pulled_back = cloth.inverse.trans * curvature * cloth.inverse
-    return -2 * ngs.InnerProduct(stress(cloth, fabric), pulled_back)
+def virtual_strain(eta, eta_gradient, metric, metric_derivatives):
+    """L_η a = η·∇a + a ∇η + ∇ηᵀ a: how the metric changes as the cloth slides along η."""
+    stretched = metric * eta_gradient
+    carried = eta[0] * metric_derivatives[0] + eta[1] * metric_derivatives[1]
+    return carried + stretched + stretched.trans

@@ -37,10 +37,10 @@ class Lagrangian:
     def __init__(self, scene, mesh, order, quadrature, inverse, gauss_newton):
         self.scene, self.inverse, self.mu = scene, inverse, 0.0
         mirrors = ("mirror1", "mirror2") if scene.symmetric else ("", "")
-        self.fes = ngs.FESpace([ngs.H1(mesh, order=order, dirichlet=line) for line in mirrors])
+        self.fes = ngs.FESpace(self._spaces(mesh, order, mirrors))
         self.state = ngs.GridFunction(self.fes, name="state")
         self.free = self._free_dofs()
-        for component, value in zip(self.state.components, scene.start_expression(), strict=True):
+        for component, value in zip(self._psi, scene.start_expression(), strict=True):
             component.Set(value)
         if scene.symmetric:
             # Set leaves its projection error on the mirror lines, where nothing would remove it.
@@ -50,17 +50,17 @@ class Lagrangian:
         self._dx = ngs.dx(intrules=self.points.GetIntegrationRules())
         # Geometry enters as numbers at the integration points, not as expressions of θ: any
         # chart then costs what the simplest one does.
-        a11, a12, a22 = (self._frozen(scene.surface.metric[i]) for i in ((0, 0), (0, 1), (1, 1)))
-        self._metric = ngs.CF((a11, a12, a12, a22), dims=(2, 2))
+        self._metric = self._frozen_symmetric(scene.surface.metric)
         self.area = ngs.Integrate(ngs.sqrt(ngs.Det(self._metric)) * self._dx, mesh)
-        self.flow = self._flow_matrix()
+        self.flow = self._h1_matrix((0, 1))
 
-        here = Kinematics(gradient(*self.state.components), self._metric)
+        here = self._kinematics(self.state.components)
         self._jacobian, self._shear = here.jacobian.Compile(), here.shear.Compile()
         self._probe = ngs.GridFunction(self.points)
 
-        cloth = Kinematics(gradient(*self.fes.TrialFunction()), self._metric)
+        cloth = self._kinematics(self.fes.TrialFunction())
         self._energy = self._symbolic_energy(cloth.jacobian * self._strain_energy(cloth))
+        self._roots = []
         self._model = self._gauss_newton(cloth, here) if gauss_newton else self._energy
         self._bending = self._bending_matrix() if scene.tie_break else None
 
@@ -89,9 +89,8 @@ class Lagrangian:
 
         The matrix is assembled anew at each call, into the same memory.
         """
-        if self._model is not self._energy:
-            for field, expression in self._roots:
-                field.Interpolate(expression)
+        for field, expression in self._roots:
+            field.Interpolate(expression)
         self._model.AssembleLinearization(self.state.vec)
         matrix = self._model.mat
         if self._bending is not None:
@@ -110,6 +109,16 @@ class Lagrangian:
 
     # How it is put together ---------------------------------------------------------------
 
+    def _spaces(self, mesh, order, mirrors):
+        return [ngs.H1(mesh, order=order, dirichlet=line) for line in mirrors]
+
+    @property
+    def _psi(self):
+        return self.state.components[:2]
+
+    def _kinematics(self, components):
+        return Kinematics(gradient(*components[:2]), self._metric)
+
     def _free_dofs(self):
         """All degrees of freedom but those on mirror lines; without mirrors, but one vertex.
 
@@ -125,6 +134,10 @@ class Lagrangian:
         values = ngs.GridFunction(self.points)
         values.Interpolate(expression)
         return values
+
+    def _frozen_symmetric(self, tensor):
+        t11, t12, t22 = (self._frozen(tensor[i]) for i in ((0, 0), (0, 1), (1, 1)))
+        return ngs.CF((t11, t12, t12, t22), dims=(2, 2))
 
     def _strain_energy(self, cloth):
         fabric = self.scene.fabric
@@ -154,16 +167,17 @@ class Lagrangian:
         ]
         return self._symbolic_energy(sum(squares[1:], squares[0]))
 
-    def _flow_matrix(self):
-        """Inner product of the gradient flow: the H¹ seminorm on the surface.
+    def _h1_matrix(self, components):
+        """The H¹ seminorm on the surface of some components of the space.
 
         ∫ √det a  a^{αβ} ∂αψ·∂βψ does not depend on the chart; where the chart is conformal it is
         the paper's ∫ ∇ψ:∇ψ (eq. 23).
         """
         weight = ngs.Cof(self._metric) / ngs.sqrt(ngs.Det(self._metric))
+        trial, test = self.fes.TnT()
         form = ngs.BilinearForm(self.fes, symmetric=True)
-        for u, v in zip(*self.fes.TnT(), strict=True):
-            form += (weight * ngs.grad(u)) * ngs.grad(v) * self._dx
+        for i in components:
+            form += (weight * ngs.grad(trial[i])) * ngs.grad(test[i]) * self._dx
         return form.Assemble().mat
 
     def _bending_matrix(self):

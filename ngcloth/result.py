@@ -8,7 +8,7 @@ import numpy as np
 
 from .errors import InputError
 from .history import Reason
-from .kinematics import Kinematics, gradient, reaction
+from .kinematics import Kinematics, gradient, virtual_strain
 from .scene import Scene
 
 
@@ -20,7 +20,7 @@ class Result:
     ----------
     scene : Scene
     state : GridFunction
-        ψ on the meshed domain.
+        ψ on the meshed domain, its first two components; multipliers after them.
     reason : Reason
         Why the solve stopped, in words. A result that has not `converged` holds the last good
         iterate.
@@ -108,10 +108,8 @@ class Result:
         """
         theta, sign = self._folded(theta1, theta2)
         points, offset = self._located(theta)
-        values = np.stack([_at(component, points) for component in self.state.components], axis=-1)
-        slopes = np.stack(
-            [_at(ngs.Grad(component), points) for component in self.state.components], axis=-2
-        )
+        values = np.stack([_at(component, points) for component in self._psi], axis=-1)
+        slopes = np.stack([_at(ngs.Grad(component), points) for component in self._psi], axis=-2)
         values += np.einsum("nij,nj->ni", slopes, offset)
         return values.reshape(sign.shape) * sign
 
@@ -154,6 +152,45 @@ class Result:
             f"  {self.newton_iterations} Newton steps, {self.seconds:.2f} s"
         )
 
+    @cached_property
+    def equilibrium_residual(self):
+        """How far the pinned cloth is from in-plane equilibrium, between 0 and 1.
+
+        The force with which the cloth slides along the surface, tested with all η one order
+        richer than ψ that vanish on the rim (eq. 16), over the same tested with all η, the rim
+        included. Forces of strains below 1e-9 count as none.
+        """
+        surface, order = self.scene.surface, self.settings["order"] + 1
+        mirrors = ["mirror1", "mirror2"] if self.scene.symmetric else ["", ""]
+        space = ngs.FESpace([ngs.H1(self._mesh, order=order, dirichlet=m) for m in mirrors])
+        eta, rule = space.TestFunction(), ngs.dx(bonus_intorder=2 * order)
+        cloth = Kinematics(gradient(*self._psi), surface.metric, self.scene.fabric)
+        strain = virtual_strain(eta, gradient(*eta), surface.metric, surface.metric_derivatives)
+        stress = cloth.contravariant_stress / self.scene.fabric.stiffness
+        force = ngs.LinearForm(space)
+        force += (cloth.jacobian * ngs.InnerProduct(stress, strain)).Compile() * rule
+        norm = ngs.BilinearForm(space, symmetric=True)
+        for u, v in zip(*space.TnT(), strict=True):
+            norm += (ngs.grad(u) * ngs.grad(v) + 1e-2 * u * v) * ngs.dx
+        force.Assemble(), norm.Assemble()
+
+        def dual_norm(free):
+            riesz = norm.mat.Inverse(free, inverse="sparsecholesky") * force.vec
+            return np.sqrt(max(ngs.InnerProduct(force.vec, riesz.Evaluate()), 0.0))
+
+        rim = ngs.BitArray(space.FreeDofs())
+        for i, component in enumerate(space.components):
+            on_rim = component.GetDofs(self._mesh.Boundaries("rim"))
+            for dof in range(component.ndof):
+                if on_rim[dof]:
+                    rim.Clear(space.Range(i).start + dof)
+        floor = 1e-9 * np.sqrt(self.area / self.scene.copies)
+        return float(dual_norm(rim) / max(dual_norm(space.FreeDofs()), floor))
+
+    @property
+    def _psi(self):
+        return self.state.components[:2]
+
     @property
     def _mesh(self):
         return self.state.space.mesh
@@ -161,12 +198,14 @@ class Result:
     @cached_property
     def _fields(self):
         surface = self.scene.surface
-        cloth = Kinematics(gradient(*self.state.components), surface.metric)
+        cloth = Kinematics(
+            gradient(*self._psi), surface.metric, self.scene.fabric, lambda: surface.curvature
+        )
         return {
             "stretch1": cloth.stretch1,
             "stretch2": cloth.stretch2,
             "shear": cloth.shear,
-            "reaction": reaction(cloth, self.scene.fabric, surface.curvature),
+            "reaction": cloth.reaction,
             "jacobian": cloth.jacobian,
         }
 

@@ -21,6 +21,10 @@ class Scene:
         The target surface N = φ(U).
     fabric : Net
         The strain energy W(I4, I6, I8) of the cloth.
+    constraints : sequence, optional
+        Limits to respect, such as `Elongation`, `ShearLimit` or `Obstacle`; or any object with a
+        `name` and a method ``slacks(cloth)`` that returns expressions of a `Kinematics`, positive
+        where the limit holds. With any of them the patch is also held to in-plane equilibrium.
     start : (float, float) or callable, optional
         First guess of ψ: a pair (s1, s2) means ψ = (s1 θ1, s2 θ2); a callable of (θ1, θ2) returns
         the two components as NGSolve expressions. Only its gradient matters, ψ being free up to a
@@ -44,6 +48,7 @@ class Scene:
 
     surface: Surface
     fabric: Net
+    constraints: tuple = ()
     start: tuple | Callable | None = None
     symmetric: bool = False
     tie_break: float = 0.0
@@ -56,6 +61,13 @@ class Scene:
             raise InputError(
                 "fabric", self.fabric, "an ngcloth.Net, or an object with its `energy`"
             )
+        try:
+            object.__setattr__(self, "constraints", tuple(self.constraints))
+        except TypeError:
+            raise InputError("constraints", self.constraints, "a sequence of constraints") from None
+        for each in self.constraints:
+            if isinstance(each, type) or not callable(getattr(each, "slacks", None)):
+                raise InputError("constraints", each, "objects with `name` and `slacks(cloth)`")
         if not isinstance(self.symmetric, bool):
             raise InputError("symmetric", self.symmetric, "True or False")
         check_number("tie_break", self.tie_break, 0, 1)
@@ -64,7 +76,7 @@ class Scene:
     @property
     def inextensible(self):
         """Whether this is a Chebyshev scene: E is nothing but thread energy, and can vanish."""
-        return isinstance(self.fabric, Net) and self.fabric.ks == 0
+        return isinstance(self.fabric, Net) and self.fabric.ks == 0 and not self.constraints
 
     @property
     def copies(self):
@@ -131,12 +143,17 @@ class Scene:
         terms = ["E(ψ), the strain energy"]
         if self.tie_break:
             terms.append(f"ε/2 ∫ |∇∇ψ|², ε → {self.tie_break:g}, to choose one net among many")
+        unknowns = "ψ1, ψ2"
+        if self.constraints:
+            unknowns += ", η1, η2"
+            terms.append("∫ J S : L_η a, in-plane equilibrium")
+            terms += [f"barrier of {limit}" for limit in self.constraints]
         return "\n".join(
             [
                 f"{self.name}",
                 f"  domain  {domain}",
                 f"  fabric  {self.fabric}",
-                "  unknown ψ1, ψ2",
+                f"  unknown {unknowns}",
                 "  terms   " + "; ".join(terms),
             ]
         )

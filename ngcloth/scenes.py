@@ -3,14 +3,15 @@
 import ngsolve as ngs
 import numpy as np
 
+from .constraints import Elongation, Obstacle, ShearLimit
 from .domain import Disk, Rectangle
-from .errors import check_number
+from .errors import InputError, check_number
 from .fabric import Net
 from .scene import Scene
 from .surface import Surface
 
 
-def sphere(portion=0.85, ks=0.0, *, symmetric=True):
+def sphere(portion=0.85, ks=0.0, shear_limit=None, *, symmetric=True):
     """A portion of the unit sphere (§5.1, §5.3), in stereographic projection of the unit disk.
 
     Parameters
@@ -19,6 +20,10 @@ def sphere(portion=0.85, ks=0.0, *, symmetric=True):
         Area covered over area of the sphere, p = r²/(1 + r²), 0 < p < 1.
     ks : float
         Shear stiffness over thread stiffness, kc being 1.
+    shear_limit : float, optional
+        γmax, the largest cosine of the angle between the threads (§5.3). With it, or with
+        ``ks > 0``, threads are kept taut and the patch in equilibrium; without either the scene
+        is a Chebyshev net.
     symmetric : bool
         Solve on a quarter. Default True.
     """
@@ -31,12 +36,15 @@ def sphere(portion=0.85, ks=0.0, *, symmetric=True):
 
     # The stereographic chart seen from the north pole turns ∂1φ × ∂2φ inward.
     surface = Surface(chart, Disk(), side=-1)
+    fabric = Net(ks=ks)
     return Scene(
         surface=surface,
-        fabric=Net(ks=ks),
+        fabric=fabric,
+        constraints=_limits(fabric, shear_limit),
         start=(0.5, 0.5) if portion == 0.5 else (0.1, 0.1),
         symmetric=symmetric,
-        name=f"sphere, portion {portion:g}, ks/kc = {ks:g}",
+        name=f"sphere, portion {portion:g}, ks/kc = {ks:g}"
+        + ("" if shear_limit is None else f", |γ| ≤ {shear_limit:.4g}"),
     )
 
 
@@ -45,7 +53,7 @@ def hemisphere(ks=0.0, *, symmetric=True):
     return sphere(0.5, ks, symmetric=symmetric)
 
 
-def hemicatenoid(ks=0.0, *, symmetric=True):
+def hemicatenoid(ks=0.0, obstacle=False, *, symmetric=None):
     """Half a catenoid (§5.1, §5.2), on (0, π) × (−1, 1), cloth on its convex side along θ1.
 
     Parameters
@@ -54,19 +62,40 @@ def hemicatenoid(ks=0.0, *, symmetric=True):
         Shear stiffness over thread stiffness, kc being 1. At ``ks=0`` Chebyshev nets are not
         unique beyond the threads through the rim's axis points: the scene takes the one that
         bends least (`Scene.tie_break`).
-    symmetric : bool
-        Solve on a quarter. Default True.
+    obstacle : bool
+        Whether the surface can only push, τ ≥ 0 (§5.4).
+    symmetric : bool, optional
+        Solve on a quarter. Default True but with an obstacle, which breaks the symmetry.
+
+    Raises
+    ------
+    InputError
+        For an obstacle with ``ks=0``: a cloth without stress is not pushed.
     """
 
     def chart(theta1, theta2):
         radius = ngs.cosh(theta2)
         return radius * ngs.cos(theta1), radius * ngs.sin(theta1), theta2
 
+    if not isinstance(obstacle, bool):
+        raise InputError("obstacle", obstacle, "True or False")
+    if obstacle and ks == 0:
+        raise InputError(
+            "obstacle", obstacle, "False where ks = 0: an unstressed cloth is not pushed"
+        )
+    fabric = Net(ks=ks)
     return Scene(
         surface=Surface(chart, Rectangle((0, np.pi), (-1, 1))),
-        fabric=Net(ks=ks),
-        start=(0.5, 0.5),
-        symmetric=symmetric,
+        fabric=fabric,
+        constraints=_limits(fabric, None) + ((Obstacle(),) if obstacle else ()),
+        start=(0.3, 0.4) if obstacle else (0.5, 0.5),
+        symmetric=not obstacle if symmetric is None else symmetric,
         tie_break=1e-8 if ks == 0 else 0.0,
-        name=f"hemicatenoid, ks/kc = {ks:g}",
+        name=f"hemicatenoid, ks/kc = {ks:g}" + (", obstacle" if obstacle else ""),
     )
+
+
+def _limits(fabric, shear_limit):
+    if fabric.ks == 0 and shear_limit is None:
+        return ()
+    return (Elongation(),) if shear_limit is None else (Elongation(), ShearLimit(shear_limit))

@@ -3,9 +3,11 @@
 import ngsolve as ngs
 from netgen.occ import OCCGeometry
 
+from .constrained import ConstrainedLagrangian
 from .errors import InputError, SolveError, check_integer, check_number
 from .gradient_flow import adaptive_flow, fixed_flow
 from .history import Reason, Recorder
+from .interior_point import interior_point
 from .lagrangian import Lagrangian
 from .result import Result
 from .scene import Scene
@@ -20,11 +22,13 @@ def solve(
     maxh=None,
     order=2,
     *,
+    multiplier_order=None,
     quadrature=None,
+    barrier_end=1e-3,
     tolerance=1e-6,
     max_steps=500,
     schedule="adaptive",
-    inverse="sparsecholesky",
+    inverse=None,
     log=None,
     throw=False,
     **unknown,
@@ -39,8 +43,14 @@ def solve(
         Largest element size in the parameter plane. By default 2 % of the domain's diameter.
     order : int, optional
         Polynomial order of ψ. Default 2.
+    multiplier_order : int, optional
+        Polynomial order of the multiplier η of equilibrium, in scenes with constraints. By
+        default that of ψ: with order 1, as in the paper, a layer one element wide along the rim
+        goes unbalanced, and the energy converges only like h, from below.
     quadrature : int, optional
         Degree of the integration rule. By default ``2 * order + 2``.
+    barrier_end : float, optional
+        The barrier weight μ over kc at which a solve with constraints ends. Default 1e-3.
     tolerance : float, optional
         The solve ends where the decrease of the Lagrangian still in sight is below this fraction
         of it; with the "paper" schedule where |∂t L|/(2π kc) is below it. Default 1e-6.
@@ -48,9 +58,10 @@ def solve(
         Budget of Newton steps. Default 500.
     schedule : {"adaptive", "paper"}, optional
         The pseudo-time loop: one Newton step to each of ever longer steps, or the paper's steps
-        of one size with a Newton solve in each.
+        of one size with a Newton solve in each. Only for scenes without constraints.
     inverse : {"sparsecholesky", "umfpack"}, optional
-        NGSolve's direct solver.
+        NGSolve's direct solver. By default the second for saddle points, which a scene with
+        constraints is, and else the first.
     log : callable, optional
         Called with one line of text per step, for instance ``print``. Silent by default.
     throw : bool, optional
@@ -70,7 +81,10 @@ def solve(
     """
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "an ngcloth.Scene")
-    known = "maxh, order, quadrature, tolerance, max_steps, schedule, inverse, log, throw"
+    known = (
+        "maxh, order, multiplier_order, quadrature, barrier_end, tolerance, max_steps, schedule, "
+        "inverse, log, throw"
+    )
     for name, value in unknown.items():
         raise InputError(name, value, f"unknown setting; there are {known}")
     diameter = scene.surface.domain.diameter
@@ -80,20 +94,37 @@ def solve(
         "quadrature": check_integer(
             "quadrature", 2 * order + 2 if quadrature is None else quadrature, 2 * order - 2
         ),
-        "tolerance": check_number("tolerance", tolerance, 0, open_low=True),
         "max_steps": check_integer("max_steps", max_steps, 1),
-        "schedule": _check_choice("schedule", schedule, FLOWS),
-        "inverse": _check_choice("inverse", inverse, INVERSES),
         "ngsolve": ngs.__version__,
     }
     if not (log is None or callable(log)):
         raise InputError("log", log, "a callable of one line of text, or None")
+    if inverse is None:
+        inverse = "umfpack" if scene.constraints else "sparsecholesky"
+    settings["inverse"] = _check_choice("inverse", inverse, INVERSES)
+    check_number("tolerance", tolerance, 0, open_low=True)
+    check_number("barrier_end", barrier_end, 0, open_low=True)
+    _check_choice("schedule", schedule, FLOWS)
+    if scene.constraints:
+        if schedule == "paper":
+            raise InputError("schedule", schedule, "'adaptive' for a scene with constraints")
+        settings["multiplier_order"] = check_integer(
+            "multiplier_order", order if multiplier_order is None else multiplier_order, 1
+        )
+        settings["barrier_end"] = barrier_end
+    else:
+        settings |= {"tolerance": tolerance, "schedule": schedule}
 
     recorder = Recorder(scene.copies / scene.normalisation * scene.fabric.stiffness, max_steps, log)
     mesh = make_mesh(scene, settings["maxh"], order)
-    gauss_newton = scene.inextensible and schedule == "adaptive"
-    problem = Lagrangian(scene, mesh, order, settings["quadrature"], inverse, gauss_newton)
-    reason = _run(problem, recorder, FLOWS[schedule], settings["tolerance"])
+    discretisation = (scene, mesh, order, settings["quadrature"], inverse)
+    if scene.constraints:
+        problem = ConstrainedLagrangian(*discretisation, settings["multiplier_order"])
+        reason = interior_point(problem, recorder, barrier_end)
+    else:
+        gauss_newton = scene.inextensible and schedule == "adaptive"
+        problem = Lagrangian(*discretisation, gauss_newton)
+        reason = _run(problem, recorder, FLOWS[schedule], tolerance)
     result = Result(
         scene=scene,
         state=problem.state,

@@ -50,7 +50,7 @@ SETTINGS = {
     "tolerance": [0, -1e-6, NAN, INF, True, "tight", None],
     "max_steps": [0, -5, 10.0, True, "many", None],
     "schedule": ["fast", "Paper", None, 3, True],
-    "inverse": ["pardiso", "", None, 1],
+    "inverse": ["pardiso", "", 1],
     "maxhh": [0.1],
     "symmetric": [True],
     "orders": [None],
@@ -218,17 +218,17 @@ def test_named_scenes_check_symmetric():
     ids=str,
 )
 def test_start_that_is_no_pair(start, culprit):
-    refused("start", repr(culprit), Scene, SPHERE, Net(), start)
+    refused("start", repr(culprit), Scene, SPHERE, Net(), start=start)
 
 
 def test_start_array_of_the_wrong_shape():
-    refused("start", "", Scene, SPHERE, Net(), np.eye(2))
-    refused("start", "", Scene, SPHERE, Net(), np.ones(3))
+    refused("start", "", Scene, SPHERE, Net(), start=np.eye(2))
+    refused("start", "", Scene, SPHERE, Net(), start=np.ones(3))
 
 
 @pytest.mark.parametrize("start", [(0.0, 1.0), (1.0, 0.0), (-0.5, 0.5), (0.5, -1e-3)])
 def test_start_that_folds(start):
-    error = refused("start", repr(start), Scene, SPHERE, Net(), start)
+    error = refused("start", repr(start), Scene, SPHERE, Net(), start=start)
     assert "J = det ∇ψ must be > 0" in str(error) and f"{start[0] * start[1]:.3g}" in str(error)
 
 
@@ -245,7 +245,7 @@ def test_start_that_folds(start):
     ],
 )
 def test_callable_start_that_folds(start):
-    error = refused("start", repr(start), Scene, SPHERE, Net(), start)
+    error = refused("start", repr(start), Scene, SPHERE, Net(), start=start)
     assert "J = det ∇ψ must be > 0" in str(error)
 
 
@@ -263,7 +263,7 @@ def test_callable_start_that_folds(start):
     ],
 )
 def test_callable_start_without_two_components(start):
-    error = refused("start", repr(start), Scene, SPHERE, Net(), start)
+    error = refused("start", repr(start), Scene, SPHERE, Net(), start=start)
     assert "two components" in str(error)
 
 
@@ -277,8 +277,8 @@ def test_callable_start_without_two_components(start):
     ],
 )
 def test_start_without_the_symmetry_of_the_scene(start):
-    Scene(SPHERE, Net(), start)  # good enough without
-    error = refused("start", repr(start), Scene, SPHERE, Net(), start, symmetric=True)
+    Scene(SPHERE, Net(), start=start)  # good enough without
+    error = refused("start", repr(start), Scene, SPHERE, Net(), start=start, symmetric=True)
     assert "symmetry" in str(error)
 
 
@@ -293,6 +293,6 @@ def test_good_starts_are_accepted():
         lambda x, y: ngs.CF((x, y)),
         lambda x, y: (x * (1 + 0.2 * y * y) + 7, y + 0.1 * ngs.sin(y)),
     ):
-        assert Scene(SPHERE, Net(), start, symmetric=True).start is start
-    Scene(SPHERE, Net(), lambda x, y: (x + y, y - x))
+        assert Scene(SPHERE, Net(), start=start, symmetric=True).start is start
+    Scene(SPHERE, Net(), start=lambda x, y: (x + y, y - x))
     Surface(lambda t1, t2: [t1, t2, 0], Disk(), side=-1)

@@ -178,7 +178,7 @@ def wavy_start(x, y):
     ids=["cylinder on a disk", "cylinder on a rectangle", "cone"],
 )
 def test_developable_surfaces_cost_nothing(chart, domain, flat, order, start):
-    scene = Scene(Surface(chart, domain), Net(), start, symmetric=True)
+    scene = Scene(Surface(chart, domain), Net(), start=start, symmetric=True)
     result = ngcloth.solve(scene, maxh=0.4, order=order)
     assert result.converged
     assert result.energy < 1e-24
@@ -189,7 +189,7 @@ def test_developable_surfaces_cost_nothing(chart, domain, flat, order, start):
 
 
 def test_developable_surfaces_cost_nothing_without_symmetry():
-    result = ngcloth.solve(Scene(Surface(cylinder, Disk(1)), Net(), (0.5, 0.5)), maxh=0.4)
+    result = ngcloth.solve(Scene(Surface(cylinder, Disk(1)), Net(), start=(0.5, 0.5)), maxh=0.4)
     assert result.converged and result.energy < 1e-24
     assert result.area == pytest.approx(2 * np.pi, rel=1e-3)
 
@@ -202,7 +202,7 @@ def ellipsoid(t1, t2):
 
 
 def ellipsoid_scene(fabric, *, chart=ellipsoid, start=(0.7, 0.6), **options):
-    return Scene(Surface(chart, Disk(1)), fabric, start, symmetric=True, **options)
+    return Scene(Surface(chart, Disk(1)), fabric, start=start, symmetric=True, **options)
 
 
 POINTS = np.stack(np.meshgrid(np.linspace(-0.7, 0.7, 6), np.linspace(-0.7, 0.7, 7)), axis=-1)
@@ -291,7 +291,7 @@ def test_hemicatenoid_scales():
             scene.surface.domain,
         )
         start = (0.5 * factor, 0.5 * factor)
-        scene = Scene(surface, Net(), start, symmetric=True, tie_break=1e-8)
+        scene = Scene(surface, Net(), start=start, symmetric=True, tie_break=1e-8)
         results.append(ngcloth.solve(scene, maxh=0.3, order=3))
     one, other = results
     assert one.converged and other.converged
@@ -307,7 +307,7 @@ def test_symmetric_halves_are_what_the_whole_finds(ks):
     surface = Surface(ellipsoid, Disk(1))
     quarter, whole = (
         ngcloth.solve(
-            Scene(surface, Net(ks=ks), (0.7, 0.6), symmetric=flag),
+            Scene(surface, Net(ks=ks), start=(0.7, 0.6), symmetric=flag),
             maxh=0.3,
             order=4,
             tolerance=1e-9,

@@ -51,10 +51,10 @@ SCENES = {
     "hemisphere": lambda: ngcloth.scenes.hemisphere(),
     "hemisphere ks = 3": lambda: ngcloth.scenes.hemisphere(3.0),
     "bent start": lambda: Scene(
-        ngcloth.scenes.hemisphere().surface, Net(ks=0.4), bent_start, symmetric=True
+        ngcloth.scenes.hemisphere().surface, Net(ks=0.4), start=bent_start, symmetric=True
     ),
     "skew chart, two stiffnesses": lambda: Scene(
-        skew_surface(), Net(kc=(2.0, 0.5), ks=0.3), bent_start
+        skew_surface(), Net(kc=(2.0, 0.5), ks=0.3), start=bent_start
     ),
     "tie break": lambda: ngcloth.scenes.hemicatenoid(),
     "tie break, whole": lambda: ngcloth.scenes.hemicatenoid(symmetric=False),
@@ -102,7 +102,7 @@ def test_tie_break_is_the_bending_energy():
     scene = Scene(
         skew_surface(Rectangle((-1, 1), (-0.5, 0.5))),
         Net(),
-        lambda x, y: (x + 0.2 * x * y, y + 0.1 * x * x),
+        start=lambda x, y: (x + 0.2 * x * y, y + 0.1 * x * x),
         tie_break=1e-3,
     )
     problem = discretised(scene, order=2)
@@ -115,7 +115,7 @@ CYLINDER = Surface(lambda t1, t2: (2 * ngs.cos(t1), 2 * ngs.sin(t1), t2), Disk(1
 
 
 def test_gauss_newton_is_the_hessian_where_the_energy_vanishes():
-    scene = Scene(CYLINDER, Net(kc=(1.0, 3.0)), (2.0, 1.0))
+    scene = Scene(CYLINDER, Net(kc=(1.0, 3.0)), start=(2.0, 1.0))
     newton, gauss = (discretised(scene, gauss_newton=flag) for flag in (False, True))
     assert newton.value() < 1e-25
     exact, model = dense(newton.hessian()), dense(gauss.hessian())
@@ -153,7 +153,10 @@ def test_scaled_identity_on_the_hemisphere(c, ks, symmetric):
     """ψ = cθ, a = 4/(1 + ρ²)² I: λ = 2/(c (1 + ρ²)), γ = 0, E/(2π kc) = c² − 4 + 14/(3c²)."""
     surface = ngcloth.scenes.hemisphere().surface
     problem = discretised(
-        Scene(surface, Net(ks=ks), (c, c), symmetric=symmetric), maxh=0.25, order=4, quadrature=12
+        Scene(surface, Net(ks=ks), start=(c, c), symmetric=symmetric),
+        maxh=0.25,
+        order=4,
+        quadrature=12,
     )
     copies = problem.scene.copies
     assert copies * problem.cost() / (2 * np.pi) == pytest.approx(
@@ -175,14 +178,16 @@ def test_energy_of_a_sheared_plane():
     """ψ = (x + s y, y) on the plane: I4 = 1, I8 = −s, I6 = 1 + s², whatever the stiffnesses."""
     plane = Surface(lambda t1, t2: (t1, t2, 0), Rectangle((0, 2), (0, 1)))
     s = 0.4
-    problem = discretised(Scene(plane, Net(kc=(3.0, 5.0), ks=2.0), lambda x, y: (x + s * y, y)))
+    problem = discretised(
+        Scene(plane, Net(kc=(3.0, 5.0), ks=2.0), start=lambda x, y: (x + s * y, y))
+    )
     density = 5 * s**4 + 2 * s**2
     assert problem.cost() * 4 == pytest.approx(2 * density, rel=1e-12)  # the mean stiffness is 4
     assert problem.largest_shear() == pytest.approx(s / np.sqrt(1 + s * s), rel=1e-12)
 
 
 def flow_norm(surface, start):
-    problem = discretised(Scene(surface, Net(), start), maxh=0.35, order=6)
+    problem = discretised(Scene(surface, Net(), start=start), maxh=0.35, order=6)
     state = vector(problem)
     return state @ dense(problem.flow) @ state
 
@@ -232,7 +237,7 @@ def test_step_that_would_fold_the_cloth_is_shortened():
         return 0.8 * x + 0.75 * x * y * y, 0.8 * y + 0.75 * x * x * y
 
     surface = ngcloth.scenes.hemisphere().surface
-    scene = Scene(surface, Net(), twisted, symmetric=True)
+    scene = Scene(surface, Net(), start=twisted, symmetric=True)
     problem = discretised(scene, maxh=0.25, gauss_newton=True)
     before, value = vector(problem).copy(), problem.value()
     assert problem.least_jacobian() > 0

@@ -33,9 +33,10 @@ class Scene:
         Solve on a quarter of the domain, with mirror lines through its centre: ψ1 odd and ψ2 even
         across θ1 = centre, ψ2 odd and ψ1 even across θ2 = centre. Default False.
     tie_break : float, optional
-        For surfaces whose Chebyshev net is not unique: among all nets, choose the one that bends
-        least, the limit of (ε/2) ∫ |∇∇ψ|² added to E/kc for ε → 0+. The value is the last ε; 0,
-        the default, leaves the term out.
+        For surfaces whose Chebyshev net is not unique: add (ε/2) ∫ |∇∇ψ|², taken element by
+        element, to E/kc, and so prefer nets that bend little. The value is the last ε; 0, the
+        default, leaves the term out. `Result.energy` does not count it. Where the net is not
+        unique the patch still moves with ε and the mesh; where it is unique it does not.
     name : str, optional
         How the scene is called in printed lines and figures.
 
@@ -142,7 +143,7 @@ class Scene:
         domain = f"{self.surface.domain}" + (", one quarter" if self.symmetric else "")
         terms = ["E(ψ), the strain energy"]
         if self.tie_break:
-            terms.append(f"ε/2 ∫ |∇∇ψ|², ε → {self.tie_break:g}, to choose one net among many")
+            terms.append(f"ε/2 ∫ |∇∇ψ|² down to ε = {self.tie_break:g}, to choose among nets")
         unknowns = "ψ1, ψ2"
         if self.constraints:
             unknowns += ", η1, η2"

@@ -60,8 +60,8 @@ def hemicatenoid(ks=0.0, obstacle=False, *, symmetric=None):
     ----------
     ks : float
         Shear stiffness over thread stiffness, kc being 1. At ``ks=0`` Chebyshev nets are not
-        unique beyond the threads through the rim's axis points: the scene takes the one that
-        bends least (`Scene.tie_break`).
+        unique beyond the threads through the rim's axis points: the scene prefers one that
+        bends little (`Scene.tie_break`).
     obstacle : bool
         Whether the surface can only push, τ ≥ 0 (§5.4).
     symmetric : bool, optional

@@ -45,4 +45,4 @@ class Obstacle:
 
     def slacks(self, cloth):
         """τ, by Laplace's law, over kc."""
-        return (cloth.reaction,)
+        return (cloth.reaction / cloth.fabric.stiffness,)

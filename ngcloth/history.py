@@ -14,8 +14,9 @@ class Reason(enum.Enum):
         "or the mesh cannot resolve it"
     )
     STEP_BUDGET = "stopped: the budget of Newton steps is used up"
-    BOUNDARY = (
-        "stopped: every step leads out of the feasible set; the limits may contradict each other"
+    BLOCKED = (
+        "stopped: no step, however small, is acceptable; the limits may contradict each other "
+        "or equilibrium, or the mesh be too coarse for them"
     )
     STALLED = "stopped: no step, however small, lowers the Lagrangian any more"
 

@@ -52,12 +52,12 @@ def interior_point(problem, recorder, last_mu):
         if accepted:
             recorder.record(problem, "barrier", 1 / rate, error)
         elif steps.refusals > REFUSALS:
-            return Reason.BOUNDARY if steps.at_boundary else Reason.STALLED
+            return Reason.BLOCKED
     return Reason.STEP_BUDGET
 
 
 def feasible_start(problem, recorder):
-    """Shrink the start until its threads are taut; dilate one that is stretched many times over.
+    """Scale the start until it is feasible; dilate one that is stretched many times over.
 
     Dilation ψ → s ψ is the direction along which such a start loses energy fastest; Newton steps
     would take off a quarter of the stretch at a time.
@@ -72,19 +72,23 @@ def feasible_start(problem, recorder):
     InputError
         If no multiple of the start is feasible.
     """
-    psi, scale = problem.state.vec, 1.0
+    psi = problem.state.vec
+    given = psi.CreateVector()
+    given.data = psi
 
     def least_slacks():
         folded = not problem.least_jacobian() > 0
         return np.array([-np.inf if folded else c.min() for c in problem.slacks_here()])
 
-    while not (least_slacks() > 0).all():
-        psi.data *= 0.8
-        scale *= 0.8
-        if scale < 1e-3:
-            worst = problem.slack_names[int(np.argmin(least_slacks()))]
-            allowed = f"a map of which some multiple respects the limit of {worst}"
-            raise InputError("start", problem.scene.start, allowed)
+    for scale in sorted(1.25 ** np.arange(-30.0, 31.0), key=lambda s: abs(np.log(s))):
+        psi.data = scale * given
+        if (least_slacks() > 0).all():
+            break
+    else:
+        psi.data = given
+        worst = problem.slack_names[int(np.argmin(least_slacks()))]
+        allowed = f"a map of which some multiple respects the limit of {worst}"
+        raise InputError("start", problem.scene.start, allowed)
     room = np.minimum(0.1, least_slacks() / 2)
     while problem.cost() > STRETCHED * problem.area:
         psi.data *= 1.1
@@ -109,7 +113,7 @@ class FilterSteps:
 
     def __init__(self, problem, slacks):
         self.problem, self.slacks = problem, slacks
-        self.rate, self.refusals, self.at_boundary = 1.0, 0, False
+        self.rate, self.refusals = 1.0, 0
         self._filter = []
         problem.freeze(slacks)
         vector = problem.state.vec
@@ -178,7 +182,7 @@ class FilterSteps:
         problem = self.problem
         objective, imbalance = problem.objective(), problem.imbalance()
         slope = self._barrier_gradient.InnerProduct(self._psi_step)
-        length, self.at_boundary = 1.0, True
+        length = 1.0
         while length > SHORTEST:
             problem.state.vec.data = self._before + length * problem.direction.vec
             slacks = problem.slacks_here()
@@ -186,7 +190,6 @@ class FilterSteps:
                 (new >= (1 - TO_BOUNDARY) * old).all()
                 for new, old in zip(slacks, self.slacks, strict=True)
             ):
-                self.at_boundary = False
                 new = problem.objective(), problem.imbalance()
                 if self._acceptable(length, slope, (objective, imbalance), new):
                     return length, slacks

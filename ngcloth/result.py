@@ -158,7 +158,8 @@ class Result:
 
         The force with which the cloth slides along the surface, tested with all η one order
         richer than ψ that vanish on the rim (eq. 16), over the same tested with all η, the rim
-        included. Forces of strains below 1e-9 count as none.
+        included. Forces of strains below 1e-9 count as none. Where the rim carries no force either,
+        as without active limits, the ratio says little.
         """
         surface, order = self.scene.surface, self.settings["order"] + 1
         mirrors = ["mirror1", "mirror2"] if self.scene.symmetric else ["", ""]

@@ -62,12 +62,14 @@ class Scene:
             raise InputError(
                 "fabric", self.fabric, "an ngcloth.Net, or an object with its `energy`"
             )
+        check_number("fabric.stiffness", getattr(self.fabric, "stiffness", None), 0, open_low=True)
         try:
             object.__setattr__(self, "constraints", tuple(self.constraints))
         except TypeError:
             raise InputError("constraints", self.constraints, "a sequence of constraints") from None
         for each in self.constraints:
-            if isinstance(each, type) or not callable(getattr(each, "slacks", None)):
+            known = isinstance(getattr(each, "name", None), str)
+            if isinstance(each, type) or not (known and callable(getattr(each, "slacks", None))):
                 raise InputError("constraints", each, "objects with `name` and `slacks(cloth)`")
         if not isinstance(self.symmetric, bool):
             raise InputError("symmetric", self.symmetric, "True or False")

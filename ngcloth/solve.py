@@ -50,7 +50,8 @@ def solve(
     quadrature : int, optional
         Degree of the integration rule. By default ``2 * order + 2``.
     barrier_end : float, optional
-        The barrier weight μ over kc at which a solve with constraints ends. Default 1e-3.
+        The barrier weight μ over kc at which a solve with constraints ends, at most 1. Default
+        1e-3.
     tolerance : float, optional
         The solve ends where the decrease of the Lagrangian still in sight is below this fraction
         of it; with the "paper" schedule where |∂t L|/(2π kc) is below it. Default 1e-6.
@@ -103,7 +104,7 @@ def solve(
         inverse = "umfpack" if scene.constraints else "sparsecholesky"
     settings["inverse"] = _check_choice("inverse", inverse, INVERSES)
     check_number("tolerance", tolerance, 0, open_low=True)
-    check_number("barrier_end", barrier_end, 0, open_low=True)
+    check_number("barrier_end", barrier_end, 0, 1, open_low=True)
     _check_choice("schedule", schedule, FLOWS)
     if scene.constraints:
         if schedule == "paper":

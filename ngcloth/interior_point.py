@@ -12,10 +12,10 @@ from .errors import InputError
 from .history import Reason
 
 FIRST_MU = 1.0
-LONGEST_RATE = 1e2
-LEAST_RATE = 1e-9
-TO_BOUNDARY = 0.99
-STRETCHED = 10.0
+# 1/Δt. Above the largest, the barrier's Hessian no longer bends steps away from the boundary.
+LEAST_RATE, LARGEST_RATE = 1e-9, 1e2
+TO_BOUNDARY = 0.99  # a step may use up this fraction of a slack or a multiplier
+STRETCHED = 10.0  # energy per area over kc above which a start is dilated
 SHORTEST = 1e-6
 REFUSALS = 12
 
@@ -153,7 +153,7 @@ class FilterSteps:
             self.rate *= 0.1
         elif length < 0.1:
             self.rate = max(4 * self.rate, 1e-4)
-        self.rate = min(max(self.rate, LEAST_RATE), LONGEST_RATE)
+        self.rate = min(max(self.rate, LEAST_RATE), LARGEST_RATE)
         return used, True
 
     def _compute_direction(self, recorder):

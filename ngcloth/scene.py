@@ -74,6 +74,8 @@ class Scene:
         if not isinstance(self.symmetric, bool):
             raise InputError("symmetric", self.symmetric, "True or False")
         check_number("tie_break", self.tie_break, 0, 1)
+        if self.tie_break and self.constraints:
+            raise InputError("tie_break", self.tie_break, "0 in a scene with constraints")
         self._check_start()
 
     @property

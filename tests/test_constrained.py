@@ -651,3 +651,9 @@ def test_half_finished_classes_are_refused():
     bare = type("Bare", (), {"energy": lambda self, I4, I6, I8: (I4 - 1) ** 2})()
     with pytest.raises(InputError, match="stiffness"):
         Scene(surface, bare)
+
+
+def test_tie_break_is_for_scenes_without_limits():
+    """Its term would be missing from the objective of the line search."""
+    with pytest.raises(InputError, match="tie_break"):
+        Scene(hemisphere().surface, Net(ks=1.0), hemisphere(1.0).constraints, tie_break=1e-8)

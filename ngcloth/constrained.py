@@ -68,8 +68,8 @@ class ConstrainedLagrangian(Lagrangian):
         self._model += ngs.Variation(sliding_work.Compile() * self._dx)
 
         self.psi_dofs = slice(0, self.fes.Range(1).stop)
-        self._norm = self._h1_matrix(range(len(trial)))
-        self._riesz = self._norm.Inverse(self.free, inverse="sparsecholesky")
+        norm = self._h1_matrix(range(len(trial)))
+        self._riesz = norm.Inverse(self.free, inverse="sparsecholesky")
         self._force = self.state.vec.CreateVector()
 
     # What the loop asks -------------------------------------------------------------------

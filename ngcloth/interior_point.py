@@ -135,8 +135,9 @@ class FilterSteps:
 
     def step(self, recorder):
         """Try one step. Returns its 1/Δt and whether the state has moved."""
-        problem, used = self.problem, None
+        problem = self.problem
         self._compute_direction(recorder)
+        changes = problem.slack_changes()
         used = self.rate
         self._before.data = problem.state.vec
         length, slacks = self._line_search()
@@ -145,7 +146,7 @@ class FilterSteps:
             self.rate = min(max(8 * self.rate, 1e-3), 1e6)
             self.refusals += 1
             return used, False
-        self._move_multipliers()
+        self._move_multipliers(changes)
         self.slacks, self.refusals = slacks, 0
         problem.freeze(slacks)
         problem.bound_multipliers(slacks)
@@ -216,15 +217,9 @@ class FilterSteps:
             return True
         return False
 
-    def _move_multipliers(self):
+    def _move_multipliers(self, changes):
         """z + α dz, α short of the first z that would vanish."""
         problem, length = self.problem, 1.0
-        # slack_changes looks at the state, which has moved: go back for a moment.
-        moved = problem.state.vec.CreateVector()
-        moved.data = problem.state.vec
-        problem.state.vec.data = self._before
-        changes = problem.slack_changes()
-        problem.state.vec.data = moved
         multipliers, steps = problem.multipliers(), []
         for z, c, dc in zip(multipliers, self.slacks, changes, strict=True):
             dz = problem.mu / c - z - z / c * dc

@@ -1,22 +1,11 @@
 """Every demo, imported by its path, and one number of each."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
+from loading import load
 
 from ngcloth import Reason
 from ngcloth.chebyshev import sphere_singular_portion
-
-DEMOS = Path(__file__).parents[1] / "demos"
-
-
-def load(name):
-    spec = importlib.util.spec_from_file_location(f"demo_{name}", DEMOS / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def test_hemisphere_has_no_energy_and_the_exact_shear():

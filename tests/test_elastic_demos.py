@@ -1,20 +1,9 @@
 """The demos of elastic and of shear-limited cloth, imported by their path; one number of each."""
 
-import importlib.util
-from pathlib import Path
-
 import pytest
+from loading import load
 
 from ngcloth import Reason
-
-DEMOS = Path(__file__).parents[1] / "demos"
-
-
-def load(name):
-    spec = importlib.util.spec_from_file_location(f"demo_{name}", DEMOS / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def test_elastic_hemisphere_energy_and_table(capsys):

@@ -99,7 +99,6 @@ def test_what_cannot_be_drawn_is_refused(ax, hemisphere, wrong):
 
 @pytest.mark.parametrize("field", [None, "shear"])
 def test_cloth_is_pictured(tmp_path, hemisphere, field):
-    pytest.importorskip("pyvista")
     from ngcloth import view
 
     path = tmp_path / "cloth.png"

@@ -12,8 +12,9 @@ class Elongation:
     name = "elongation"
 
     def slacks(self, cloth):
-        """λ1 − 1 and λ2 − 1."""
-        return cloth.stretch1 - 1, cloth.stretch2 - 1
+        """1 − 1/λ1 and 1 − 1/λ2."""
+        # 1/λ1 is linear in ψ1 where λ1 is hyperbolic: steps along its tangent stay feasible.
+        return 1 - 1 / cloth.stretch1, 1 - 1 / cloth.stretch2
 
 
 @dataclass(frozen=True)

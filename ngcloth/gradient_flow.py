@@ -34,7 +34,7 @@ def adaptive_flow(problem, recorder, phase, tolerance):
         step = newton_step(problem, rate)
         recorder.newton += 1
         if step.length > 0:
-            recorder.record(problem, phase, 1 / rate, step.decrement)
+            recorder.record(problem, phase, 1 / rate, problem.value(), step.decrement)
         # Below the round-off of L the line search decides by chance; the decrement still tells.
         small = tolerance if boost == 1 else ROUND_OFF_OF_VALUE / boost
         if step.decrement <= small * problem.value() + floor:
@@ -76,7 +76,7 @@ def fixed_flow(problem, recorder, phase, tolerance, time_step=0.1):
             if step.length == 0:
                 return Reason.STALLED
         slope = (before - problem.value()) / time_step
-        recorder.record(problem, phase, time_step, slope)
+        recorder.record(problem, phase, time_step, problem.value(), slope)
         if recorder.unit * slope <= tolerance:
             return Reason.CONVERGED
     return Reason.STEP_BUDGET

@@ -101,7 +101,7 @@ class Recorder:
         """Wall-clock time since the solve began."""
         return time.perf_counter() - self._begin
 
-    def record(self, problem, phase, step, residual):
+    def record(self, problem, phase, step, lagrangian, residual):
         """Add the row of a step Δt = `step` that has just been accepted."""
         self.pseudo_time += step
         row = Row(
@@ -110,7 +110,7 @@ class Recorder:
             pseudo_time=self.pseudo_time,
             step=step,
             energy=self.unit * problem.cost(),
-            lagrangian=self.unit * problem.value(),
+            lagrangian=self.unit * lagrangian,
             residual=self.unit * residual,
             newton=self.newton,
             seconds=self.seconds,

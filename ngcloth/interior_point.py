@@ -1,9 +1,9 @@
 """Interior point: barrier loop around a filter line search along primal-dual Newton steps.
 
-The method of Wächter and Biegler (2006) with two changes. Slacks are functions of ψ, not unknowns:
-every iterate is strictly feasible. And the matrix is regularised by the pseudo-time term, 1/Δt
-times the flow's inner product, raised until the step has positive curvature (Chiang and Zavala,
-2016), so that each step is one of backward Euler along the gradient flow.
+The method of Wächter and Biegler (2006), slack variables included, with all norms taken in the
+function spaces. The matrix is regularised by the pseudo-time term, 1/Δt times the flow's inner
+product, raised until the step has positive curvature (Chiang and Zavala, 2016), so that each step
+is one of backward Euler along the gradient flow.
 """
 
 import numpy as np
@@ -12,11 +12,15 @@ from .errors import InputError
 from .history import Reason
 
 FIRST_MU = 1.0
-# 1/Δt. Above the largest, the barrier's Hessian no longer bends steps away from the boundary.
-LEAST_RATE, LARGEST_RATE = 1e-9, 1e2
-TO_BOUNDARY = 0.99  # a step may use up this fraction of a slack or a multiplier
+# 1/Δt. A rate that negative curvature or a refused step asks for is at least the second; above the
+# third, rates do not last: the barrier's Hessian would no longer bend steps from the boundary.
+LEAST_RATE, FIRST_RATE, LASTING_RATE, LARGEST_RATE = 1e-9, 1e-2, 1e2, 1e6
+TO_BOUNDARY = 0.99  # a step may use up this fraction of a slack variable or a multiplier
+CRUSHED = 0.3  # a step may not shrink the least J by more than this factor
+LEAST_SLACK = 1e-2  # of slack variables at the start
+DUAL_RANGE = 1e10  # multipliers z are kept within this factor of μ/s, the value they tend to
 STRETCHED = 10.0  # energy per area over kc above which a start is dilated
-SHORTEST = 1e-6
+SHORTEST = 1e-8
 REFUSALS = 12
 
 
@@ -26,7 +30,7 @@ def interior_point(problem, recorder, last_mu):
     Parameters
     ----------
     problem : ConstrainedLagrangian
-        Its `state` is moved; it is strictly feasible throughout.
+        Its `state` is moved.
     recorder : Recorder
     last_mu : float
         The barrier weight, relative to kc, at which to stop.
@@ -35,23 +39,19 @@ def interior_point(problem, recorder, last_mu):
     -------
     Reason
     """
-    problem.set_mu(FIRST_MU)
-    slacks = feasible_start(problem, recorder)
-    for z, c in zip(problem.multipliers(), slacks, strict=True):
-        z[:] = problem.mu / c
-    steps = FilterSteps(problem, slacks)
+    feasible_start(problem, recorder)
+    iterate = Iterate(problem, FIRST_MU)
     while not recorder.exhausted:
-        error = steps.error()
-        while error <= (10 * problem.mu if problem.mu > last_mu else problem.mu):
-            if problem.mu <= last_mu:
+        error = iterate.error()
+        while error <= (10 * iterate.mu if iterate.mu > last_mu else iterate.mu):
+            if iterate.mu <= last_mu:
                 return Reason.CONVERGED
-            problem.set_mu(max(min(0.2 * problem.mu, problem.mu**1.5), last_mu))
-            steps.forget()
-            error = steps.error()
-        rate, accepted = steps.step(recorder)
+            iterate.set_mu(max(min(0.2 * iterate.mu, iterate.mu**1.5), last_mu))
+            error = iterate.error()
+        rate, accepted = iterate.step(recorder)
         if accepted:
-            recorder.record(problem, "barrier", 1 / rate, error)
-        elif steps.refusals > REFUSALS:
+            recorder.record(problem, "barrier", 1 / rate, iterate.lagrangian(), error)
+        elif iterate.refusals > REFUSALS:
             return Reason.BLOCKED
     return Reason.STEP_BUDGET
 
@@ -61,11 +61,6 @@ def feasible_start(problem, recorder):
 
     Dilation ψ → s ψ is the direction along which such a start loses energy fastest; Newton steps
     would take off a quarter of the stretch at a time.
-
-    Returns
-    -------
-    list of ndarray
-        The slacks at the start.
 
     Raises
     ------
@@ -78,10 +73,10 @@ def feasible_start(problem, recorder):
 
     def least_slacks():
         folded = not problem.least_jacobian() > 0
-        return np.array([-np.inf if folded else c.min() for c in problem.slacks_here()])
+        return np.array([-np.inf if folded else c.min() for c in problem.slacks()])
 
     for scale in sorted(1.25 ** np.arange(-30.0, 31.0), key=lambda s: abs(np.log(s))):
-        psi.data = scale * given
+        psi.data = float(scale) * given
         if (least_slacks() > 0).all():
             break
     else:
@@ -98,78 +93,95 @@ def feasible_start(problem, recorder):
         scale *= 1.1
     if scale != 1 and recorder.log:
         recorder.log(f"start multiplied by {scale:.3g}")
-    return problem.slacks_here()
 
 
-class FilterSteps:
-    """Primal-dual Newton steps, accepted by a filter on objective and imbalance.
+class Iterate:
+    """ψ, η, slack variables s and multipliers z, moved by primal-dual Newton steps.
+
+    The slack variables stay positive all the way; c(ψ) = s, like equilibrium, holds at the end.
+    Steps that keep c itself positive are cut by its curvature, and take three times as many.
 
     Parameters
     ----------
     problem : ConstrainedLagrangian
-    slacks : list of ndarray
-        Values of its slacks at the current state.
+        Its `state` holds ψ and η.
+    mu : float
+        The first barrier weight.
     """
 
-    def __init__(self, problem, slacks):
-        self.problem, self.slacks = problem, slacks
+    def __init__(self, problem, mu):
+        self.problem = problem
+        self.set_mu(mu)
+        self.c = problem.slacks()
+        self.s = np.maximum(self.c, LEAST_SLACK)
+        self.z = mu / self.s
         self.rate, self.refusals = 1.0, 0
-        self._filter = []
-        problem.freeze(slacks)
         vector = problem.state.vec
-        self._before, self._gradient, self._barrier_gradient, self._psi_step = (
+        self._before, self._force, self._cost_gradient, self._psi_step = (
             vector.CreateVector() for _ in range(4)
         )
-        self._largest_imbalance = 1e4 * max(1.0, problem.imbalance())
+        self._largest_violation = 1e4 * max(1.0, self._violation())
 
-    def forget(self):
-        """Empty the filter: the objective has changed."""
+    def set_mu(self, mu):
+        """Set the barrier's weight, and empty the filter: the objective has changed."""
+        self.mu = self.problem.mu = mu
         self._filter = []
 
+    def lagrangian(self):
+        """The Lagrangian, barrier included, over kc, over the meshed domain."""
+        return self._objective() + self.problem.work()
+
     def error(self):
-        """The largest of stationarity, imbalance and complementarity, per area."""
+        """The largest of stationarity, imbalance, c − s and complementarity, per area."""
         problem = self.problem
-        gaps = zip(self.slacks, problem.multipliers(), strict=True)
-        gap = max(np.abs(c * z - problem.mu).max() for c, z in gaps)
-        return max(problem.dual_residual(), problem.imbalance() / np.sqrt(problem.area), gap)
+        problem.freeze(self.c, self.z, self.z / self.s)
+        problem.gradient(self._force)
+        self._force.FV().NumPy()[problem.psi_dofs.stop :] = 0
+        forces = problem.dual_norm(self._force), problem.imbalance()
+        return max(
+            max(forces) / np.sqrt(problem.area),
+            np.abs(self.c - self.s).max(),
+            np.abs(self.s * self.z - self.mu).max(),
+        )
 
     def step(self, recorder):
-        """Try one step. Returns its 1/Δt and whether the state has moved."""
+        """Try one step. Returns its 1/Δt and whether the iterate has moved."""
         problem = self.problem
         self._compute_direction(recorder)
-        changes = problem.slack_changes()
-        used = self.rate
-        self._before.data = problem.state.vec
-        length, slacks = self._line_search()
+        ds = problem.slack_changes() + self.c - self.s
+        dz = self.mu / self.s - self.z - self.z / self.s * ds
+        used, length = self.rate, self._line_search(ds)
         if length == 0:
-            problem.state.vec.data = self._before
-            self.rate = min(max(8 * self.rate, 1e-3), 1e6)
+            self.rate = min(max(8 * self.rate, FIRST_RATE), LARGEST_RATE)
             self.refusals += 1
             return used, False
-        self._move_multipliers(changes)
-        self.slacks, self.refusals = slacks, 0
-        problem.freeze(slacks)
-        problem.bound_multipliers(slacks)
+        self.refusals = 0
+        self.z += _to_boundary(self.z, dz) * dz
+        target = self.mu / self.s
+        np.clip(self.z, target / DUAL_RANGE, target * DUAL_RANGE, out=self.z)
         if length > 0.5:
-            self.rate *= 0.1
+            self.rate /= 3
         elif length < 0.1:
-            self.rate = max(4 * self.rate, 1e-4)
-        self.rate = min(max(self.rate, LEAST_RATE), LARGEST_RATE)
+            self.rate *= 4
+        self.rate = min(max(self.rate, LEAST_RATE), LASTING_RATE)
         return used, True
 
     def _compute_direction(self, recorder):
         """Solve for the step, with a rate at which its part in ψ has positive curvature."""
-        problem = self.problem
-        problem.gradient(self._gradient)
-        problem.objective_gradient(self._barrier_gradient)
+        problem, stiffness = self.problem, self.z / self.s
+        # Eliminating ds and dz from the Newton system leaves this force and this stiffness.
+        problem.freeze(self.c, self.mu / self.s - stiffness * (self.c - self.s), stiffness)
+        problem.gradient(self._force)
+        problem.cost_gradient(self._cost_gradient)
+        problem.freeze(self.c, self.z, stiffness)
         direction, psi_step = problem.direction.vec, self._psi_step
         matrix = problem.hessian()
         added = 0.0
         while True:
             matrix.AsVector().data += (self.rate - added) * problem.flow.AsVector()
             added = self.rate
-            inverse = matrix.Inverse(problem.free, inverse=problem.inverse)
-            direction.data = -inverse * self._gradient
+            problem.solve(matrix, self._force, direction)
+            direction.data *= -1
             recorder.newton += 1
             psi_step.data = direction
             psi_step.FV().NumPy()[problem.psi_dofs.stop :] = 0
@@ -177,55 +189,61 @@ class FilterSteps:
             size = psi_step.InnerProduct((problem.flow * psi_step).Evaluate())
             if curvature > 1e-8 * size or recorder.exhausted:
                 return
-            self.rate = max(4 * self.rate, 1e-4)
+            self.rate = max(4 * self.rate, FIRST_RATE)
 
-    def _line_search(self):
-        problem = self.problem
-        objective, imbalance = problem.objective(), problem.imbalance()
-        slope = self._barrier_gradient.InnerProduct(self._psi_step)
-        length = 1.0
+    def _line_search(self, ds):
+        """Move ψ, η and s by the first acceptable length, by halves; 0 if there is none."""
+        problem, state = self.problem, self.problem.state.vec
+        old, least_jacobian = (self._objective(), self._violation()), problem.least_jacobian()
+        slope = self._cost_gradient.InnerProduct(self._psi_step)
+        slope -= self.mu * (problem.weights * ds / self.s).sum()
+        self._before.data = state
+        before, length = (self.s, self.c), _to_boundary(self.s, ds)
         while length > SHORTEST:
-            problem.state.vec.data = self._before + length * problem.direction.vec
-            slacks = problem.slacks_here()
-            if problem.least_jacobian() > 0 and all(
-                (new >= (1 - TO_BOUNDARY) * old).all()
-                for new, old in zip(slacks, self.slacks, strict=True)
-            ):
-                new = problem.objective(), problem.imbalance()
-                if self._acceptable(length, slope, (objective, imbalance), new):
-                    return length, slacks
+            state.data = self._before + length * problem.direction.vec
+            if problem.least_jacobian() > CRUSHED * least_jacobian:
+                self.s, self.c = before[0] + length * ds, problem.slacks()
+                if self._acceptable(length, slope, old, (self._objective(), self._violation())):
+                    # A slack variable below its slack may grow to it: everything gains.
+                    self.s = np.maximum(self.s, self.c)
+                    return length
             length /= 2
-        return 0.0, None
+        state.data = self._before
+        self.s, self.c = before
+        return 0.0
+
+    def _objective(self):
+        return self.problem.cost() - self.mu * (self.problem.weights * np.log(self.s)).sum()
+
+    def _violation(self):
+        """Size of what must vanish: imbalance, and c − s."""
+        gap = np.sqrt((self.problem.weights * (self.c - self.s) ** 2).sum())
+        return self.problem.imbalance() + gap
 
     def _acceptable(self, length, slope, old, new):
         """The filter's test; it takes in the old point where feasibility was the gain."""
-        (objective, imbalance), (new_objective, new_imbalance) = old, new
-        if not (np.isfinite(new_objective) and new_imbalance < self._largest_imbalance):
+        (objective, violation), (new_objective, new_violation) = old, new
+        if not (np.isfinite(new_objective) and new_violation < self._largest_violation):
             return False
         if any(
-            new_imbalance >= (1 - 1e-5) * i and new_objective >= o - 1e-5 * i
-            for o, i in self._filter
+            new_violation >= (1 - 1e-5) * v and new_objective >= o - 1e-5 * v
+            for o, v in self._filter
         ):
             return False
-        descent = slope < 0 and (-slope) ** 2.3 * length > imbalance**1.1
+        descent = slope < 0 and (-slope) ** 2.3 * length > violation**1.1
         if descent and new_objective <= objective + 1e-4 * length * slope + 1e-13 * abs(objective):
             return True
-        if descent and imbalance < 1e-4:
+        if descent and violation < 1e-4:
             return False
-        if new_imbalance <= (1 - 1e-5) * imbalance or new_objective <= objective - 1e-5 * imbalance:
-            self._filter.append((objective - 1e-5 * imbalance, (1 - 1e-5) * imbalance))
+        if new_violation <= (1 - 1e-5) * violation or new_objective <= objective - 1e-5 * violation:
+            self._filter.append((objective - 1e-5 * violation, (1 - 1e-5) * violation))
             return True
         return False
 
-    def _move_multipliers(self, changes):
-        """z + α dz, α short of the first z that would vanish."""
-        problem, length = self.problem, 1.0
-        multipliers, steps = problem.multipliers(), []
-        for z, c, dc in zip(multipliers, self.slacks, changes, strict=True):
-            dz = problem.mu / c - z - z / c * dc
-            falling = dz < 0
-            if falling.any():
-                length = min(length, (TO_BOUNDARY * z[falling] / -dz[falling]).min())
-            steps.append(dz)
-        for z, dz in zip(multipliers, steps, strict=True):
-            z += length * dz
+
+def _to_boundary(values, changes):
+    """The longest step, at most 1, along which no value loses more than `TO_BOUNDARY` of itself."""
+    falling = changes < 0
+    ratios = TO_BOUNDARY * values[falling] / -changes[falling]
+    # A Python number: NumPy's does not multiply a vector of NGSolve as one would think.
+    return float(ratios.min(initial=1.0))

@@ -28,7 +28,7 @@ def solve(
     tolerance=1e-6,
     max_steps=500,
     schedule="adaptive",
-    inverse=None,
+    inverse="sparsecholesky",
     log=None,
     throw=False,
     **unknown,
@@ -61,8 +61,7 @@ def solve(
         The pseudo-time loop: one Newton step to each of ever longer steps, or the paper's steps
         of one size with a Newton solve in each. Only for scenes without constraints.
     inverse : {"sparsecholesky", "umfpack"}, optional
-        NGSolve's direct solver. By default the second for saddle points, which a scene with
-        constraints is, and else the first.
+        NGSolve's direct solver. Default "sparsecholesky".
     log : callable, optional
         Called with one line of text per step, for instance ``print``. Silent by default.
     throw : bool, optional
@@ -100,8 +99,6 @@ def solve(
     }
     if not (log is None or callable(log)):
         raise InputError("log", log, "a callable of one line of text, or None")
-    if inverse is None:
-        inverse = "umfpack" if scene.constraints else "sparsecholesky"
     settings["inverse"] = _check_choice("inverse", inverse, INVERSES)
     check_number("tolerance", tolerance, 0, open_low=True)
     check_number("barrier_end", barrier_end, 0, 1, open_low=True)

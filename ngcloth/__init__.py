@@ -1,11 +1,13 @@
 """ngcloth: which flat piece of woven cloth best covers a given curved surface?"""
 
 from . import scenes
+from .certificate import verify
 from .constraints import Elongation, Obstacle, ShearLimit
 from .domain import Disk, Domain, Rectangle
 from .errors import InputError, SolveError
 from .fabric import Net
 from .history import Reason
+from .load import load
 from .result import Result
 from .scene import Scene
 from .solve import solve
@@ -27,6 +29,8 @@ __all__ = [
     "ShearLimit",
     "SolveError",
     "Surface",
+    "load",
     "scenes",
     "solve",
+    "verify",
 ]

@@ -143,6 +143,135 @@ class Result:
         """
         return self.psi(*self.scene.surface.domain.rim(n).T)
 
+    def export_svg(
+        self,
+        path,
+        *,
+        unit_mm=100.0,
+        pitch=10.0,
+        seam=0.0,
+        marks=12,
+        tolerance=None,
+        marks_csv=None,
+    ):
+        """Write the cut pattern at true scale as SVG, one user unit being one mm.
+
+        The layers are "cut", "seam", "warp", "weft", "mark" and "text". Needs the extra ``cut``.
+
+        Parameters
+        ----------
+        path : path
+        unit_mm : float, optional
+            Scale: how many mm one unit of length of the surface is. Default 100. The label of the
+            pattern states it, and a square of 100 mm lets one check the print.
+        pitch : float, optional
+            Distance between the threads drawn, in mm. Default 10.
+        seam : float, optional
+            Seam allowance in mm: the cut is the outline, offset by it with round corners, and the
+            outline itself is in the layer "seam". Default 0: the cut is the outline.
+        marks : int, optional
+            Number of pinning marks along the rim, see `ngcloth.pattern.pinning_marks`. Default 12.
+        tolerance : float, optional
+            How far in mm the polylines may be from the true curves. By default 0.01, or less where
+            the area would change by more than 2e-5 of itself.
+        marks_csv : path, optional
+            Where to write the marks as a table: flat position, θ, position in space (mm).
+
+        Warns
+        -----
+        UserWarning
+            If the patch overlaps itself, has parts narrower than 2 mm, or has not converged.
+
+        Raises
+        ------
+        InputError
+            If an argument is out of bounds; before any file is written.
+        ImportError
+            If shapely is missing.
+        """
+        from .cut import write_svg
+
+        write_svg(
+            path,
+            self,
+            unit_mm=unit_mm,
+            pitch=pitch,
+            seam=seam,
+            marks=marks,
+            tolerance=tolerance,
+            marks_csv=marks_csv,
+        )
+
+    def export_dxf(
+        self,
+        path,
+        *,
+        unit_mm=100.0,
+        pitch=10.0,
+        seam=0.0,
+        marks=12,
+        tolerance=None,
+        marks_csv=None,
+    ):
+        """Write the cut pattern at true scale as DXF, in mm.
+
+        Arguments, warnings and errors are those of `export_svg`; it needs ezdxf as well.
+        """
+        from .cut import write_dxf
+
+        write_dxf(
+            path,
+            self,
+            unit_mm=unit_mm,
+            pitch=pitch,
+            seam=seam,
+            marks=marks,
+            tolerance=tolerance,
+            marks_csv=marks_csv,
+        )
+
+    def save(self, folder):
+        """Write everything to a folder of open formats, for `ngcloth.load` to read.
+
+        Parameters
+        ----------
+        folder : path
+            Made with its parents. An empty folder, or one that holds nothing but a saved result,
+            is replaced; at any moment the old result or the new one is there, whole.
+
+        Raises
+        ------
+        InputError
+            If `folder` is something else, or cannot be written.
+        """
+        from .save import save
+
+        save(self, folder)
+
+    def export_vtu(self, path):
+        """Write the cloth with its fields for ParaView, see `ngcloth.fields.vtu`."""
+        from .fields import vtu
+
+        return vtu(self, path)
+
+    def export_threads(self, path, pitch):
+        """Write the threads `pitch` apart as polylines (.vtp), see `ngcloth.fields.threads`."""
+        from .fields import threads
+
+        return threads(self, path, pitch)
+
+    def export_surface(self, path):
+        """Write surface and patch as triangles (.stl, .obj), see `ngcloth.fields.surface`."""
+        from .fields import surface
+
+        return surface(self, path)
+
+    def export_fibres(self, path):
+        """Write a table of thread directions (.csv), see `ngcloth.fields.fibres`."""
+        from .fields import fibres
+
+        return fibres(self, path)
+
     def __str__(self):
         low, high = self.extrema["stretch1"]
         return (
@@ -187,6 +316,17 @@ class Result:
                     rim.Clear(space.Range(i).start + dof)
         floor = 1e-9 * np.sqrt(self.area / self.scene.copies)
         return float(dual_norm(rim) / max(dual_norm(space.FreeDofs()), floor))
+
+    def certificate(self):
+        """Check this result from its ψ alone, see `ngcloth.verify`.
+
+        Returns
+        -------
+        Certificate
+        """
+        from .certificate import verify
+
+        return verify(self)
 
     @property
     def _psi(self):

@@ -40,6 +40,12 @@ class Scene:
     name : str, optional
         How the scene is called in printed lines and figures.
 
+    Attributes
+    ----------
+    recipe : dict or None
+        Which function of `ngcloth.scenes` made the scene, with which arguments; None for any
+        other scene.
+
     Raises
     ------
     InputError
@@ -54,6 +60,7 @@ class Scene:
     symmetric: bool = False
     tie_break: float = 0.0
     name: str = "scene"
+    recipe = None
 
     def __post_init__(self):
         if not isinstance(self.surface, Surface):

@@ -1,5 +1,8 @@
 """The paper's scenes, by name."""
 
+import functools
+import inspect
+
 import ngsolve as ngs
 import numpy as np
 
@@ -10,7 +13,31 @@ from .fabric import Net
 from .scene import Scene
 from .surface import Surface
 
+NAMED = {}
 
+
+def _named(make):
+    """List the scenes of `make` in `NAMED`, and note in each how it was made, as its `recipe`."""
+    signature = inspect.signature(make)
+
+    @functools.wraps(make)
+    def noted(*args, **kwargs):
+        scene = make(*args, **kwargs)
+        given = signature.bind(*args, **kwargs)
+        given.apply_defaults()
+        arguments = {
+            name: value if value is None or isinstance(value, bool) else float(value)
+            for name, value in given.arguments.items()
+        }
+        # No field of the scene, and so lost where dataclasses.replace() makes it another one.
+        object.__setattr__(scene, "recipe", {"scene": make.__name__, "arguments": arguments})
+        return scene
+
+    NAMED[make.__name__] = noted
+    return noted
+
+
+@_named
 def sphere(portion=0.85, ks=0.0, shear_limit=None, *, symmetric=True):
     """A portion of the unit sphere (§5.1, §5.3), in stereographic projection of the unit disk.
 
@@ -48,11 +75,13 @@ def sphere(portion=0.85, ks=0.0, shear_limit=None, *, symmetric=True):
     )
 
 
+@_named
 def hemisphere(ks=0.0, *, symmetric=True):
     """The unit hemisphere (§5.1, §5.2): `sphere` with ``portion=0.5``."""
     return sphere(0.5, ks, symmetric=symmetric)
 
 
+@_named
 def hemicatenoid(ks=0.0, obstacle=False, *, symmetric=None):
     """Half a catenoid (§5.1, §5.2), on (0, π) × (−1, 1), cloth on its convex side along θ1.
 

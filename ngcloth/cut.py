@@ -1,0 +1,149 @@
+"""The cut pattern as a file at true scale: SVG, DXF, and the table of its pinning marks."""
+
+import csv
+from xml.etree import ElementTree
+
+import numpy as np
+
+from .pattern import Curve, cut_pattern, require
+
+# Colour (red, green, blue), its number among the colours of AutoCAD, line width in mm.
+LAYERS = {
+    "cut": ((224, 0, 0), 1, 0.3),
+    "seam": ((180, 0, 180), 6, 0.3),
+    "warp": ((31, 119, 180), 5, 0.13),
+    "weft": ((255, 127, 14), 30, 0.13),
+    "mark": ((0, 128, 43), 3, 0.3),
+    "text": ((0, 0, 0), 7, 0.18),
+}
+CAP_HEIGHT = 0.72  # of a font, in its size
+INKSCAPE = "http://www.inkscape.org/namespaces/inkscape"
+
+
+def write_svg(path, result, *, marks_csv=None, **options):
+    """Write the cut pattern of a result as SVG, one user unit being one mm.
+
+    Each layer is a group with the id of the layer, and a layer of Inkscape.
+
+    Parameters
+    ----------
+    path : path
+    result : Result
+    marks_csv : path, optional
+        Where to write the pinning marks as well, see `write_marks`.
+    **options
+        As for `ngcloth.pattern.cut_pattern`.
+    """
+    pattern = cut_pattern(result, **options)
+    ElementTree.register_namespace("", "http://www.w3.org/2000/svg")
+    ElementTree.register_namespace("inkscape", INKSCAPE)
+    (left, bottom), (right, top) = pattern.box
+    width, height = f"{right - left:.4f}", f"{top - bottom:.4f}"
+    root = ElementTree.Element(
+        "svg",
+        {
+            "xmlns": "http://www.w3.org/2000/svg",
+            "version": "1.1",
+            "width": f"{width}mm",
+            "height": f"{height}mm",
+            "viewBox": f"0 0 {width} {height}",
+        },
+    )
+    ElementTree.SubElement(root, "title").text = pattern.title
+    for name, items in pattern.layers.items():
+        layer = _svg_layer(root, name)
+        for item in items:
+            _add_to_svg(layer, item, np.array([left, top]))
+    ElementTree.indent(root)
+    ElementTree.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
+    if marks_csv is not None:
+        write_marks(marks_csv, pattern.marks)
+
+
+def write_dxf(path, result, *, marks_csv=None, **options):
+    """Write the cut pattern of a result as DXF (R2010), in mm.
+
+    Parameters
+    ----------
+    path : path
+    result : Result
+    marks_csv : path, optional
+        Where to write the pinning marks as well, see `write_marks`.
+    **options
+        As for `ngcloth.pattern.cut_pattern`.
+    """
+    ezdxf = require("ezdxf")
+    pattern = cut_pattern(result, **options)
+    document = ezdxf.new("R2010", units=ezdxf.units.MM)
+    document.header["$MEASUREMENT"] = 1  # metric
+    document.styles.new("label", dxfattribs={"font": "arial.ttf"})  # has Greek letters
+    space = document.modelspace()
+    for name, items in pattern.layers.items():
+        rgb, number, line_width = LAYERS[name]
+        layer = document.layers.add(name, color=number, lineweight=round(100 * line_width))
+        layer.rgb = rgb
+        for item in items:
+            _add_to_dxf(space, item, name)
+    low, high = pattern.box
+    document.set_modelspace_vport(height=high[1] - low[1], center=tuple((low + high) / 2))
+    document.saveas(path)
+    if marks_csv is not None:
+        write_marks(marks_csv, pattern.marks)
+
+
+def write_marks(path, marks):
+    """Write pinning marks as CSV: number, flat position, θ, position in space, one row each."""
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(
+            ["mark", "X1 [mm]", "X2 [mm]", "theta1", "theta2", "x [mm]", "y [mm]", "z [mm]"]
+        )
+        for number, flat, theta, space in zip(*marks, strict=True):
+            rows.writerow(
+                [number, *(f"{v:.4f}" for v in flat), *theta.tolist(), *(f"{v:.4f}" for v in space)]
+            )
+
+
+def _svg_layer(root, name):
+    (red, green, blue), _, line_width = LAYERS[name]
+    attributes = {
+        "id": name,
+        f"{{{INKSCAPE}}}groupmode": "layer",
+        f"{{{INKSCAPE}}}label": name,
+        "fill": "none",
+        "stroke": f"#{red:02x}{green:02x}{blue:02x}",
+        "stroke-width": f"{line_width:g}",
+    }
+    return ElementTree.SubElement(root, "g", attributes)
+
+
+def _add_to_svg(layer, item, corner):
+    """Add a curve or text; SVG counts y downwards from the upper left `corner` of the sheet."""
+    if isinstance(item, Curve):
+        points = (item.points - corner) * [1, -1]
+        path = "M " + " L ".join(f"{x:.6f},{y:.6f}" for x, y in points)
+        ElementTree.SubElement(layer, "path", {"d": path + " Z" if item.closed else path})
+        return
+    x, y = (item.position - corner) * [1, -1]
+    attributes = {
+        "x": f"{x:.4f}",
+        "y": f"{y:.4f}",
+        "font-size": f"{item.height / CAP_HEIGHT:.4f}",
+        "font-family": "sans-serif",
+        "text-anchor": "middle" if item.centred else "start",
+        "fill": layer.get("stroke"),
+        "stroke": "none",
+    }
+    ElementTree.SubElement(layer, "text", attributes).text = item.text
+
+
+def _add_to_dxf(space, item, layer):
+    if isinstance(item, Curve):
+        space.add_lwpolyline(item.points, close=item.closed, dxfattribs={"layer": layer})
+        return
+    alignment = require("ezdxf.enums").TextEntityAlignment
+    text = space.add_text(
+        item.text, height=item.height, dxfattribs={"layer": layer, "style": "label"}
+    )
+    align = alignment.CENTER if item.centred else alignment.LEFT
+    text.set_placement(item.position, align=align)

@@ -1,0 +1,215 @@
+"""The certificate: given to what is solved, refused to each wrong answer, and why."""
+
+from dataclasses import replace
+from functools import cache
+
+import ngsolve as ngs
+import numpy as np
+import pytest
+from netgen.occ import OCCGeometry
+
+import ngcloth
+from ngcloth import Net, Rectangle, Result, Scene, Surface, solve
+from ngcloth.certificate import _crossing, _StationaryPoint, _unfolded, least_eigenvalue
+from ngcloth.history import Reason
+from ngcloth.scenes import hemicatenoid, hemisphere, sphere
+
+PLANE = Surface(lambda x, y: (x, y, 0 * x), Rectangle((0, 1), (0, 1)))
+
+
+@cache
+def solved(name):
+    scene, settings = {
+        "chebyshev": (hemisphere(), {"maxh": 0.2}),
+        "hemisphere": (hemisphere(1.0), {"maxh": 0.15, "quadrature": 12}),
+        "coarse": (hemisphere(1.0), {"maxh": 0.3}),
+        "hemicatenoid": (hemicatenoid(1.0), {"maxh": 0.3}),
+    }[name]
+    return solve(scene, **settings)
+
+
+def covered(psi, surface=PLANE, fabric=None, order=2, symmetric=False):
+    """A result that nobody solved for."""
+    face = surface.domain.face(symmetric)
+    mesh = ngs.Mesh(OCCGeometry(face, dim=2).GenerateMesh(maxh=0.3))
+    state = ngs.GridFunction(ngs.FESpace([ngs.H1(mesh, order=order)] * 2))
+    for component, value in zip(state.components, psi(ngs.x, ngs.y), strict=True):
+        component.Set(value)
+    scene = Scene(surface, fabric or Net(ks=1.0), symmetric=symmetric)
+    settings = {"order": order, "quadrature": 2 * order + 2}
+    return Result(scene, state, Reason.CONVERGED, 0.0, 0, 0.0, [], settings)
+
+
+def moved(result, size):
+    """The result with ψ1 changed by a smooth function, symmetric as ψ1 is."""
+    state = ngs.GridFunction(result.state.space)
+    change = ngs.GridFunction(result.state.space)
+    change.components[0].Set(size * ngs.x * (1 + ngs.y**2 - ngs.x**2))
+    state.vec.data = result.state.vec + change.vec
+    return replace(result, state=state)
+
+
+@pytest.mark.parametrize("name", ["chebyshev", "hemisphere", "hemicatenoid"])
+def test_certified(name):
+    certificate = solved(name).certificate()
+    assert certificate.certified, str(certificate)
+    assert str(certificate).startswith("certified: ") and "\n" not in str(certificate)
+    assert "a minimum" in str(certificate) and "within the symmetry" in str(certificate)
+    assert certificate.unfolded and certificate.curvature > 0
+
+
+def test_verify_is_the_same_and_changes_nothing():
+    result = solved("coarse")
+    before = result.state.vec.FV().NumPy().copy()
+    assert ngcloth.verify(result) == result.certificate()
+    assert (result.state.vec.FV().NumPy() == before).all()
+
+
+def test_slack_threads_between_the_points():
+    """A coarse mesh keeps λ ≥ 1 where it is asked for, and only there."""
+    result = solved("coarse")
+    certificate = result.certificate()
+    assert result.converged and not certificate.certified
+    worst = min(certificate.limits, key=lambda check: check.slack)
+    assert worst.name == "elongation" and worst.slack < -2e-3
+    # λ jumps from element to element: the worst of them is beside the point.
+    t = 2 * np.pi * np.arange(24) / 24
+    beside = np.array(worst.theta)[:, None] + 1e-3 * np.stack([np.cos(t), np.sin(t)])
+    beside = beside[:, result.scene.surface.domain.contains(beside.T)]
+    stretch = min(result.field(f"stretch{i}", *beside).min() for i in (1, 2))
+    assert stretch - 1 == pytest.approx(worst.slack, abs=5e-4)
+    assert "elongation missed" in str(certificate) and certificate.stationarity < 1e-4
+
+
+@pytest.mark.parametrize("name, size", [("chebyshev", 2e-3), ("hemicatenoid", 3e-3)])
+def test_perturbed(name, size):
+    """A change that may not break a limit, but the balance."""
+    good, bad = solved(name).certificate(), moved(solved(name), size).certificate()
+    assert not bad.certified and "not stationary" in str(bad)
+    assert bad.stationarity > 30 * good.stationarity
+
+
+def test_stationarity_measures_the_distance():
+    """In a scene without limits the norm of dL is linear in the change of ψ."""
+    measured = []
+    for size in (1e-3, 2e-3):
+        certificate = moved(solved("chebyshev"), size).certificate()
+        measured.append(certificate.stationarity * certificate.stress)
+    assert measured[1] / measured[0] == pytest.approx(2, rel=0.05)
+
+
+def test_unsolved():
+    result = solve(hemisphere(1.0), maxh=0.3, max_steps=1)
+    assert not result.converged
+    assert "not stationary" in str(result.certificate())
+
+
+def test_barrier_too_strong():
+    """Stationary with a barrier that keeps all threads far from slack is not optimal."""
+    result = solve(hemisphere(1.0), maxh=0.3, barrier_end=1.0)
+    certificate = result.certificate()
+    assert result.converged and certificate.stationarity < certificate.stationarity_tolerance
+    assert len(certificate.faults) == 1 and "barrier" in certificate.faults[0]
+
+
+def test_no_net_beyond_the_singular_portion():
+    """Stationary on its mesh, and far from it in a richer space."""
+    certificate = solve(sphere(0.9), maxh=0.2).certificate()
+    assert not certificate.certified and certificate.stationarity_richer > 0.3
+    assert "mesh" in str(certificate) or "not stationary" in str(certificate)
+
+
+def test_folded():
+    certificate = covered(lambda x, y: (x - 0.8 * x * x, y)).certificate()
+    assert certificate.jacobian == pytest.approx(-0.6, abs=1e-9)
+    assert not certificate.unfolded and "folded" in str(certificate)
+    assert certificate.stationarity == np.inf
+
+
+@pytest.mark.parametrize("gap, proven", [(1e-2, True), (-1e-5, False)])
+def test_fold_between_the_points(gap, proven):
+    """J = |θ − p|² + gap, exact in order 3, is negative on a spot of width 0.006 or nowhere."""
+
+    def psi(x, y):
+        return (x - 0.37) ** 3 / 3 + x * ((y - 0.41) ** 2 + gap), y
+
+    result = covered(psi, order=3)
+    assert result.certificate().unfolded == proven == _unfolded(result)
+
+
+@pytest.mark.parametrize("turns, overlaps", [(0.9, False), (1.1, True)])
+def test_overlap(turns, overlaps):
+    """A strip bent into a ring, J = r everywhere: whether it covers itself only the rim knows."""
+    surface = Surface(lambda r, t: (r, t, 0 * r), Rectangle((1, 2), (0, 2 * np.pi * turns)))
+
+    def ring(r, t):
+        return r * ngs.cos(t), r * ngs.sin(t)
+
+    certificate = covered(ring, surface, order=4).certificate()
+    assert certificate.unfolded and (certificate.overlap is not None) == overlaps
+    assert ("meets itself" in str(certificate)) == overlaps
+    if overlaps:
+        assert 0.9 < np.hypot(*certificate.overlap) < 2.1
+
+
+def test_crossing_of_polylines():
+    t = 2 * np.pi * np.arange(300) / 300
+    assert _crossing(np.stack([np.cos(t), np.sin(t)], axis=1)) is None
+    eight = _crossing(np.stack([np.sin(t + 0.01), np.sin(2 * t + 0.02)], axis=1))
+    assert np.hypot(*eight) < 0.05
+    assert _crossing(np.array([[0.0, 0.0], [2, 0], [2, 2], [1, 0], [0, 2]])) is not None  # touches
+
+
+class Unstable:
+    """A net that gains energy by shearing: unstretched and unsheared it is at rest on a saddle."""
+
+    stiffness = 1.0
+
+    def energy(self, I4, I6, I8):
+        return (I4 - 1) ** 2 + (I6 - 1) ** 2 - 0.5 * I8**2
+
+
+def test_saddle():
+    """At ψ = θ the Hessian is 8 (∂1v1)² + 8 (∂2v2)² ± (∂1v2 + ∂2v1)²: its least eigenvalue is −2
+    (pure shear) for the unstable net and 0 (turning) for the paper's."""
+    saddle = covered(lambda x, y: (x, y), fabric=Unstable()).certificate()
+    assert saddle.stationarity < 1e-2 and saddle.faults == [f"a saddle, curvature {-2:.2g}"]
+    assert saddle.curvature == pytest.approx(-2, abs=1e-6)
+    stable = covered(lambda x, y: (x, y), fabric=Net(ks=0.5)).certificate()
+    assert stable.certified and stable.curvature == pytest.approx(0, abs=1e-9)
+
+
+def dense(matrix, free):
+    rows, columns, values = matrix.COO()
+    array = np.zeros(matrix.shape)
+    np.add.at(array, (np.array(rows), np.array(columns)), np.array(values))
+    return array[np.ix_(free, free)]
+
+
+@pytest.mark.parametrize("flips", [(0, 0), (1, 1)])
+def test_curvature_against_dense_algebra(flips):
+    """The Hessian on the null space of the linearised equilibrium, by SVD."""
+    result = solve(hemicatenoid(1.0), maxh=0.7)
+    point = _StationaryPoint(result)
+    hessian, norm = point.pencil(point.remainder(2)[1])
+    free = np.array(list(point.free(2, flips)))
+    on_psi = np.flatnonzero(free) < point.space(2).Range(1).stop
+    whole, metric = dense(hessian, free), dense(norm, free)[np.ix_(on_psi, on_psi)]
+    assert np.abs(whole - whole.T).max() < 1e-9 * np.abs(whole).max()
+    _, singular, directions = np.linalg.svd(whole[np.ix_(~on_psi, on_psi)])
+    assert singular.min() > 1e-6
+    kernel = directions[len(singular) :].T
+    root = np.linalg.inv(np.linalg.cholesky(kernel.T @ metric @ kernel))
+    reduced = root @ kernel.T @ whole[np.ix_(on_psi, on_psi)] @ kernel @ root.T
+    expected = np.linalg.eigvalsh(reduced)[0]
+    found = least_eigenvalue(hessian, norm, point.free(2, flips), "umfpack")
+    assert found == pytest.approx(expected, rel=1e-5)
+
+
+def test_saddle_across_the_symmetry():
+    """A quarter of the plane: pure shear, of eigenvalue −2, breaks both mirror symmetries."""
+    square = Surface(lambda x, y: (x, y, 0 * x), Rectangle((-1, 1), (-1, 1)))
+    result = covered(lambda x, y: (x, y), square, Unstable(), symmetric=True)
+    certificate = result.certificate()
+    assert certificate.asymmetric_curvature == pytest.approx(-2, abs=1e-6)
+    assert certificate.curvature > -1.9

@@ -43,11 +43,11 @@ def interior_point(problem, recorder, last_mu):
     iterate = Iterate(problem, FIRST_MU)
     while not recorder.exhausted:
         error = iterate.error()
-        while error <= (10 * iterate.mu if iterate.mu > last_mu else iterate.mu):
-            if iterate.mu <= last_mu:
-                return Reason.CONVERGED
+        if iterate.mu > last_mu and error <= 10 * iterate.mu:
             iterate.set_mu(max(min(0.2 * iterate.mu, iterate.mu**1.5), last_mu))
-            error = iterate.error()
+            continue
+        if iterate.mu <= last_mu and error <= iterate.mu and iterate.c.min() > 0:
+            return Reason.CONVERGED
         rate, accepted = iterate.step(recorder)
         if accepted:
             recorder.record(problem, "barrier", 1 / rate, iterate.lagrangian(), error)

@@ -69,7 +69,7 @@ def test_program_is_the_problem_of_ngcloth(interpreted, name, orders):
     assert np.abs(imbalance).max() > 0.1
     np.testing.assert_allclose(g[equations], imbalance, atol=1e-10)
 
-    slacks = np.transpose(problem.slacks_here()).ravel()
+    slacks = np.transpose(problem.slacks()).ravel()
     np.testing.assert_allclose(g[~equations], slacks, rtol=1e-10, atol=1e-10)
 
 

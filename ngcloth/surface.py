@@ -90,8 +90,10 @@ class Surface:
 
     @cached_property
     def _frame(self):
-        """One quadrilateral over a box around the domain: the stage on which expressions are
-        evaluated at points that belong to no mesh."""
+        """One quadrilateral over a box around the domain.
+
+        Expressions are evaluated on it at points that belong to no mesh.
+        """
         (low1, high1), (low2, high2) = self.domain.box
         width, height = high1 - low1, high2 - low2
         return MakeStructured2DMesh(

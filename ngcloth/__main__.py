@@ -1,0 +1,199 @@
+"""From the shell: ``python -m ngcloth hemisphere --ks 100 --maxh 0.1 --out out/``.
+
+Solves a scene of `ngcloth.scenes` and writes all there is to take away into one folder. Options
+are the parameters of the scene and of `ngcloth.solve`, with the help that their docstrings give.
+"""
+
+import argparse
+import inspect
+import os
+import re
+import sys
+import warnings
+from functools import partial
+from pathlib import Path
+
+from .errors import InputError
+from .result import Result
+from .scenes import NAMED
+from .solve import solve
+
+CONVERGED, NOT_CONVERGED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+SETTINGS = ("maxh", "order", "barrier_end", "max_steps")
+PITCH = 0.1  # of the threads in threads.vtp: that of the pattern, 10 mm at 100 mm to the unit
+STATUS = (
+    f"exit status: {CONVERGED} converged, {NOT_CONVERGED} not converged (the files hold the last "
+    f"good iterate), {BAD_INPUT} bad input or no place to write, {INTERRUPTED} interrupted"
+)
+
+
+def _report(result, path):
+    from .report import report
+
+    report(result, path)
+
+
+FILES = {
+    "result": Result.save,
+    "pattern.svg": Result.export_svg,
+    "pattern.dxf": Result.export_dxf,
+    "cloth.vtu": Result.export_vtu,
+    "threads.vtp": partial(Result.export_threads, pitch=PITCH),
+    "surface.obj": Result.export_surface,
+    "fibres.csv": Result.export_fibres,
+    "report.html": _report,
+}
+
+
+def main(argv=None):
+    """Solve the scene that the command line names, and write its files.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        The arguments; by default those of the process.
+
+    Returns
+    -------
+    int
+        The exit status: 0 only for a result that has converged and is written, 1 for one that has
+        not converged, 2 for bad input or a file that cannot be written, 130 after Ctrl-C.
+
+    Raises
+    ------
+    SystemExit
+        After ``--help``, with status 0, and for arguments that cannot be parsed, with status 2.
+    """
+    arguments = _parser().parse_args(argv)
+    try:
+        return _solve_and_write(arguments)
+    except (InputError, OSError) as error:
+        _complain(error)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        _complain("interrupted")
+        return INTERRUPTED
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message):
+        self.exit(BAD_INPUT, f"{self.prog}: {message} (--help tells more)\n")
+
+
+def _parser():
+    parser = _Parser(
+        prog="python -m ngcloth",
+        description="Find the flat patch of woven cloth that best covers a surface: solve a named "
+        "scene and write result, cut pattern, fields and report.",
+        epilog=STATUS,
+    )
+    scenes = parser.add_subparsers(dest="scene", metavar="scene", required=True)
+    texts = {}
+    for make in NAMED.values():
+        texts |= _documented(make)
+    for name, make in NAMED.items():
+        summary = _plain(inspect.getdoc(make).partition("\n")[0])
+        one = scenes.add_parser(name, help=summary, description=summary, epilog=STATUS)
+        _add_options(one.add_argument_group("the scene"), make, texts | _documented(make))
+        group = one.add_argument_group("the solve")
+        _add_options(group, solve, _documented(solve), SETTINGS)
+        group.add_argument("--quiet", action="store_true", help="No line for each step.")
+        group = one.add_argument_group("the outcome")
+        text = f"Folder for {', '.join(FILES)}. Default %(default)s."
+        group.add_argument("--out", default="out", metavar="folder", help=text)
+    return parser
+
+
+def _documented(function):
+    """The parameters of a function as its docstring tells them, {name: (kind, text)}."""
+    section = inspect.getdoc(function).partition("Parameters\n----------\n")[2]
+    section = re.split(r"\n\w+\n-+\n", section)[0]
+    entries = re.findall(r"^(\w+) : (.*)\n((?: {4}.*\n?|\n)+)", section, re.MULTILINE)
+    return {name: (kind.partition(",")[0], _plain(text)) for name, kind, text in entries}
+
+
+def _plain(text):
+    """Text of a docstring as one line for argparse."""
+    return " ".join(text.replace("`", "").replace("%", "%%").split())
+
+
+def _add_options(group, function, texts, names=None):
+    """One option for each parameter of a function, or for those named."""
+    parameters = inspect.signature(function).parameters
+    for name in names or parameters:
+        (kind, text), default = texts[name], parameters[name].default
+        flag = "--" + name.replace("_", "-")
+        if kind == "bool":
+            action = argparse.BooleanOptionalAction
+            group.add_argument(flag, action=action, default=default, help=text)
+            continue
+        if default is not None and "default" not in text.lower():
+            text += " Default %(default)s."
+        converter = {"float": float, "int": int}[kind]
+        group.add_argument(flag, type=converter, default=default, metavar=kind, help=text)
+
+
+def _solve_and_write(arguments):
+    def chosen(names):
+        return {name: getattr(arguments, name) for name in names}
+
+    make = NAMED[arguments.scene]
+    scene = make(**chosen(inspect.signature(make).parameters))
+    folder = _checked_folder(arguments.out)
+    # Lines appear as they come, and not in blocks, where the output goes to a file.
+    log = None if arguments.quiet else partial(print, flush=True)
+    result = solve(scene, log=log, **chosen(SETTINGS))
+    print(result, flush=True)
+    if not result.converged:
+        _complain(f"not converged: {result.reason}")
+    written, failed = _write(result, folder)
+    print(f"in {folder}: {', '.join(written)}")
+    if failed:
+        return BAD_INPUT
+    return CONVERGED if result.converged else NOT_CONVERGED
+
+
+def _checked_folder(out):
+    """`out` as a path, after a look at whether a folder can be there."""
+    folder = Path(out)
+    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
+        raise InputError("out", out, f"a folder to write to; {there} is none")
+    return folder
+
+
+def _write(result, folder):
+    """Write the `FILES`, and return the names of those that are there and of those that failed.
+
+    A file that wants an optional package is left out, with a line that says what to install; this
+    is no failure. No file of an earlier result stays beside those of this one.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    written, failed = [], []
+    with warnings.catch_warnings(record=True) as warned:
+        for name, write in FILES.items():
+            path = folder / name
+            for earlier in (path, path.with_stem(path.stem + "_flat")):
+                if earlier.is_file():
+                    earlier.unlink()
+            try:
+                write(result, path)
+                written.append(name)
+            except ImportError as error:
+                _complain(f"{name} left out: {error}")
+            except (InputError, OSError) as error:
+                _complain(f"{name} not written: {error}")
+                failed.append(name)
+    for text in dict.fromkeys(str(warning.message) for warning in warned):
+        _complain(f"warning: {text}")
+    return written, failed
+
+
+def _complain(what):
+    print("ngcloth:", *str(what).split(), file=sys.stderr)
+
+
+if __name__ == "__main__":
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(errors="replace")  # not every console has Greek letters
+    sys.exit(main())

@@ -8,6 +8,7 @@ from .errors import InputError, SolveError
 from .fabric import Net
 from .history import Reason
 from .load import load
+from .report import report
 from .result import Result
 from .scene import Scene
 from .solve import solve
@@ -30,6 +31,7 @@ __all__ = [
     "SolveError",
     "Surface",
     "load",
+    "report",
     "scenes",
     "solve",
     "verify",

@@ -144,15 +144,7 @@ class Result:
         return self.psi(*self.scene.surface.domain.rim(n).T)
 
     def export_svg(
-        self,
-        path,
-        *,
-        unit_mm=100.0,
-        pitch=10.0,
-        seam=0.0,
-        marks=12,
-        tolerance=None,
-        marks_csv=None,
+        self, path, *, unit_mm=100.0, pitch=10.0, seam=0.0, marks=12, tolerance=None, marks_csv=None
     ):
         """Write the cut pattern at true scale as SVG, one user unit being one mm.
 
@@ -203,15 +195,7 @@ class Result:
         )
 
     def export_dxf(
-        self,
-        path,
-        *,
-        unit_mm=100.0,
-        pitch=10.0,
-        seam=0.0,
-        marks=12,
-        tolerance=None,
-        marks_csv=None,
+        self, path, *, unit_mm=100.0, pitch=10.0, seam=0.0, marks=12, tolerance=None, marks_csv=None
     ):
         """Write the cut pattern at true scale as DXF, in mm.
 
@@ -229,6 +213,25 @@ class Result:
             tolerance=tolerance,
             marks_csv=marks_csv,
         )
+
+    def plot(self, field=None, where="patch", ax=None):
+        """Draw the threads, over a field if one is named, with matplotlib.
+
+        ``where="domain"`` draws them on the parameter domain and ``"history"`` how the solve went;
+        see `ngcloth.plot.draw`.
+        """
+        from .plot import draw
+
+        return draw(self, field, where, ax)
+
+    def view(self, field=None, *, pitch=None, screenshot=None):
+        """Draw the cloth on its surface with PyVista, to be turned by ``result.view().show()``.
+
+        `screenshot` names a picture to write instead; see `ngcloth.view.cloth`.
+        """
+        from .view import cloth
+
+        return cloth(self, field=field, pitch=pitch, screenshot=screenshot)
 
     def save(self, folder):
         """Write everything to a folder of open formats, for `ngcloth.load` to read.

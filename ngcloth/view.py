@@ -8,7 +8,19 @@ import numpy as np
 import pyvista as pv
 from matplotlib import get_data_path
 
-from .plot import LABELS, WARP, WEFT, colours, sample, sampled_field, thread_levels
+from .plot import (
+    LABELS,
+    WARP,
+    WEFT,
+    central_frame,
+    check_field,
+    colours,
+    default_pitch,
+    plain,
+    sample,
+    sampled_field,
+    thread_levels,
+)
 
 MATT = {"smooth_shading": True, "ambient": 0.45, "diffuse": 0.55}
 FONT_FILE = 4  # VTK's number of a font family read from a file
@@ -34,8 +46,8 @@ def cloth(
     field : str, optional
         One of `ngcloth.plot.LABELS`, drawn in colours on the cloth. By default it is plain.
     pitch : float, optional
-        Distance between the threads drawn, in units of length; by default a twentieth of the
-        width of the patch. Warp threads are the lines X2 = const, weft threads X1 = const.
+        Distance between the threads drawn, in units of length; by default about a twentieth of
+        the width of the patch. Warp threads are the lines X2 = const, weft threads X1 = const.
     screenshot : path, optional
         Where to save the picture. Needs no display.
     azimuth, elevation : float, optional
@@ -50,26 +62,31 @@ def cloth(
     Returns
     -------
     pyvista.Plotter
-        Call ``show()`` on it for a window. It is closed if there is a `screenshot`.
+        Call ``show()`` on it for a window, or a picture in a notebook. It is closed if there is a
+        `screenshot`.
 
     Raises
     ------
+    InputError
+        If there is no such field, or no thread at that pitch.
     RuntimeError
         If this machine has neither a display nor a library to draw without one.
     """
-    if screenshot is not None:
+    if field is not None:
+        check_field(field)
+    off_screen = screenshot is not None or _no_display()
+    if off_screen:
         _choose_window()
-    mesh, frame = _sampled_surface(result, rings)
-    plotter = pv.Plotter(off_screen=screenshot is not None, window_size=list(size))
+    mesh = _sampled_surface(result, rings)
+    plotter = pv.Plotter(off_screen=off_screen, window_size=list(size))
     plotter.set_background("white")
     if field is None:
         plotter.add_mesh(mesh, color="gainsboro", **MATT)
     else:
         _add_map(plotter, mesh, field, sampled_field(result, field, mesh.point_data["theta"]))
-    width = np.ptp(mesh.point_data["psi1"])
-    pitch = width / 20 if pitch is None else pitch
-    for position, colour in (("psi2", WARP), ("psi1", WEFT)):
-        levels = thread_levels(mesh.point_data[position], pitch)
+    pitch = default_pitch(mesh.point_data["psi"]) if pitch is None else pitch
+    for position, colour in zip(mesh.point_data["psi"].T[::-1], (WARP, WEFT), strict=True):
+        levels = thread_levels(position, pitch)
         lines = mesh.contour(list(levels), scalars=position).strip()
         tubes = lines.tube(radius=0.0016 * mesh.length, n_sides=8)
         plotter.add_mesh(tubes, color="dimgray" if field else colour, smooth_shading=True)
@@ -77,6 +94,7 @@ def cloth(
     edge = pv.lines_from_points(mesh.points[rim], close=True)
     plotter.add_mesh(edge.tube(radius=0.0025 * mesh.length, n_sides=8), color="black")
 
+    frame = central_frame(result.scene.surface)
     _look(plotter, mesh, frame, azimuth, elevation, BAR_SHARE if field else 0.0)
     if screenshot is not None:
         plotter.screenshot(str(screenshot))
@@ -84,9 +102,13 @@ def cloth(
     return plotter
 
 
+def _no_display():
+    return sys.platform == "linux" and not os.environ.get("DISPLAY")
+
+
 def _choose_window():
     """Have VTK draw by EGL where there is no display: left alone it complains, or crashes."""
-    if sys.platform != "linux" or os.environ.get("DISPLAY"):
+    if not _no_display():
         return
     if find_library("EGL"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
@@ -95,20 +117,12 @@ def _choose_window():
 
 
 def _sampled_surface(result, rings):
-    """The surface as triangles with θ, ψ1 and ψ2 at each point, and (warp, weft, normal) at the
-    centre of its domain."""
+    """The surface as triangles, with θ and ψ at each point."""
     surface = result.scene.surface
     theta, triangles = sample(result, rings)
     mesh = pv.PolyData.from_regular_faces(surface.evaluate(surface.position, theta), triangles)
-    psi = result.psi(*theta.T)
-    mesh.point_data["theta"] = theta
-    mesh.point_data["psi1"], mesh.point_data["psi2"] = psi[:, 0], psi[:, 1]
-
-    normal = surface.evaluate(surface.normal, surface.domain.centre)
-    towards = mesh.points[1] - mesh.points[0]  # the first spoke runs along θ1
-    warp = towards - (towards @ normal) * normal
-    warp /= np.linalg.norm(warp)
-    return mesh, (warp, np.cross(normal, warp), normal)
+    mesh.point_data["theta"], mesh.point_data["psi"] = theta, result.psi(*theta.T)
+    return mesh
 
 
 def _add_map(plotter, mesh, field, values):
@@ -121,7 +135,7 @@ def _add_map(plotter, mesh, field, values):
     )
     height = plotter.window_size[1]
     bar = plotter.add_scalar_bar(
-        title=_plain(LABELS[field]) + "\n",
+        title=plain(LABELS[field]) + "\n",
         mapper=actor.mapper,
         vertical=True,
         position_x=1 - BAR_SHARE,
@@ -157,11 +171,3 @@ def _look(plotter, mesh, frame, azimuth, elevation, bar_share):
     plotter.enable_parallel_projection()
     plotter.camera.parallel_scale = scale
     plotter.renderer.reset_camera_clipping_range()
-
-
-def _plain(label):
-    """A label without the dollars and commands of TeX, which VTK does not draw."""
-    replacements = {"$": "", r"\lambda_": "λ", r"\gamma": "γ", r"\tau": "τ", "k_c": "kc"}
-    for tex, plain in replacements.items():
-        label = label.replace(tex, plain)
-    return label

@@ -10,7 +10,7 @@ from .history import Reason
 from .load import load
 from .result import Result
 from .scene import Scene
-from .solve import solve
+from .solve import minima, solve
 from .surface import Surface
 
 __version__ = "0.1.0"
@@ -30,6 +30,7 @@ __all__ = [
     "SolveError",
     "Surface",
     "load",
+    "minima",
     "scenes",
     "solve",
     "verify",

@@ -25,7 +25,7 @@ class Result:
         Why the solve stopped, in words. A result that has not `converged` holds the last good
         iterate.
     cost : float
-        E/kc over the meshed domain; `energy` is the figure to use.
+        What was minimised, over kc and the meshed domain: E, or the scene's own cost.
     newton_iterations : int
         All Newton steps, refused ones included.
     seconds : float
@@ -53,7 +53,12 @@ class Result:
     @property
     def energy(self):
         """E = ∫ J W, whole surface, in units of stiffness × length²."""
-        return self.scene.copies * self.scene.fabric.stiffness * self.cost
+        if self.scene.cost is None:
+            return self.scene.copies * self.scene.fabric.stiffness * self.cost
+        cloth = Kinematics(gradient(*self._psi), self.scene.surface.metric)
+        density = self.scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
+        rule = ngs.dx(bonus_intorder=2 * self.settings["order"])
+        return self.scene.copies * ngs.Integrate(cloth.jacobian * density * rule, self._mesh)
 
     @property
     def normalized_energy(self):

@@ -11,7 +11,7 @@ from .load import load
 from .report import report
 from .result import Result
 from .scene import Scene
-from .solve import solve
+from .solve import minima, solve
 from .surface import Surface
 
 __version__ = "0.1.0"
@@ -31,6 +31,7 @@ __all__ = [
     "SolveError",
     "Surface",
     "load",
+    "minima",
     "report",
     "scenes",
     "solve",

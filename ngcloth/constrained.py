@@ -23,6 +23,19 @@ class ConstrainedLagrangian(Lagrangian):
         Polynomial order of η.
 
     Others as for `Lagrangian`.
+
+    Attributes
+    ----------
+    eta_flow : BaseMatrix
+        As `flow`, for η.
+    weights : ndarray, (points,)
+        With which sums over the sampling points are integrals over the surface.
+    slack_names : list of str
+        The limit to which each slack belongs.
+    psi_dofs : slice
+        Where the unknowns of ψ are in `state`; those of η follow.
+    direction : GridFunction
+        A change of `state`, for `slack_changes`.
     """
 
     def __init__(self, scene, mesh, order, quadrature, inverse, multiplier_order):
@@ -62,15 +75,15 @@ class ConstrainedLagrangian(Lagrangian):
         stress = cloth.contravariant_stress / scene.fabric.stiffness
         sliding_work = cloth.jacobian * ngs.InnerProduct(stress, strain)
         self._work = self._symbolic_energy(sliding_work)
-        elastic = cloth.jacobian * self._strain_energy(cloth)
-        self._model = self._symbolic_energy(elastic + area * limits)
+        cost = cloth.jacobian * self._density(cloth)
+        self._model = self._symbolic_energy(cost + area * limits)
         self._model += ngs.Variation(sliding_work.Compile() * self._dx)
 
         self.psi_dofs = slice(0, self.fes.Range(1).stop)
         norm = self._h1_matrix(range(len(trial)))
         self._riesz = norm.Inverse(self.free, inverse="sparsecholesky")
         self._inside = ngs.Projector(self.free, True)
-        self._softening = self._h1_matrix((2, 3))
+        self.eta_flow = self._h1_matrix((2, 3))
         self._force, self._rest = (self.state.vec.CreateVector() for _ in range(2))
 
     # What the loop asks -------------------------------------------------------------------
@@ -130,9 +143,9 @@ class ConstrainedLagrangian(Lagrangian):
         takes a tenth of the time of LU with pivoting, which stands by for the rare failure.
         """
         if self.inverse == "sparsecholesky":
-            matrix.AsVector().data -= SOFTENING * self._softening.AsVector()
+            matrix.AsVector().data -= SOFTENING * self.eta_flow.AsVector()
             inverse = matrix.Inverse(self.free, inverse="sparsecholesky")
-            matrix.AsVector().data += SOFTENING * self._softening.AsVector()
+            matrix.AsVector().data += SOFTENING * self.eta_flow.AsVector()
             if self._refine(matrix, inverse, load, out):
                 return
         out.data = matrix.Inverse(self.free, inverse="umfpack") * load

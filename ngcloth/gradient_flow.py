@@ -27,29 +27,40 @@ def adaptive_flow(problem, recorder, phase, tolerance):
     -------
     Reason
     """
-    sight, boost = problem.value(), 1.0
+    sight = float(recorder.memory.pop("sight", problem.value()))
+    boost = float(recorder.memory.pop("boost", 1.0))
     floor = ROUND_OFF * problem.area
     while not recorder.exhausted:
         rate = DAMPING * boost * max(sight, floor) / problem.area
         step = newton_step(problem, rate)
         recorder.newton += 1
-        if step.length > 0:
-            recorder.record(problem, phase, 1 / rate, problem.value(), step.decrement)
         # Below the round-off of L the line search decides by chance; the decrement still tells.
         small = tolerance if boost == 1 else ROUND_OFF_OF_VALUE / boost
-        if step.decrement <= small * problem.value() + floor:
-            return Reason.CONVERGED
+        at_rest = step.decrement <= small * problem.value() + floor
         if step.length == 1:
             sight = step.decrement
-            if sight <= 1e-2 * problem.value() and collapsed(problem):
-                return Reason.SINGULAR
         if step.length == 1 and step.ratio > 0.5:
             boost = max(boost / 3, 1.0)
         elif step.length < 0.25:
             boost *= 8
-            if boost > 1e15:
-                return Reason.STALLED
-    return Reason.STEP_BUDGET
+        if step.length > 0:
+            value = problem.value()
+            recorder.record(
+                problem,
+                phase,
+                1 / rate,
+                value,
+                step.decrement * recorder.unit,
+                sight=sight,
+                boost=boost,
+            )
+        if at_rest:
+            return Reason.CONVERGED
+        if step.length == 1 and sight <= 1e-2 * value and collapsed(problem):
+            return Reason.SINGULAR
+        if boost > 1e15:
+            return Reason.STALLED
+    return recorder.why
 
 
 def collapsed(problem):
@@ -76,7 +87,7 @@ def fixed_flow(problem, recorder, phase, tolerance, time_step=0.1):
             if step.length == 0:
                 return Reason.STALLED
         slope = (before - problem.value()) / time_step
-        recorder.record(problem, phase, time_step, problem.value(), slope)
+        recorder.record(problem, phase, time_step, problem.value(), slope * recorder.unit)
         if recorder.unit * slope <= tolerance:
             return Reason.CONVERGED
-    return Reason.STEP_BUDGET
+    return recorder.why

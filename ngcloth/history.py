@@ -4,6 +4,8 @@ import enum
 import time
 from dataclasses import dataclass, fields
 
+import numpy as np
+
 
 class Reason(enum.Enum):
     """Why a solve stopped; reads as a sentence."""
@@ -14,6 +16,10 @@ class Reason(enum.Enum):
         "or the mesh cannot resolve it"
     )
     STEP_BUDGET = "stopped: the budget of Newton steps is used up"
+    TIME_BUDGET = "stopped: the budget of seconds is used up"
+    CALLBACK = "stopped: the callback asked for it"
+    INTERRUPTED = "stopped: interrupted from the keyboard"
+    RUNNING = "still running"
     BLOCKED = (
         "stopped: no step, however small, is acceptable; the limits may contradict each other "
         "or equilibrium, or the mesh be too coarse for them"
@@ -39,7 +45,9 @@ class Row:
     energy, lagrangian : float
         E and L over 2π kc, whole surface.
     residual : float
-        The Newton decrement, the decrease of L still in sight, in the same unit.
+        What is left to do. Without constraints the Newton decrement, the decrease of L still in
+        sight, in the same unit; with constraints the largest of stationarity, imbalance, and what
+        limits and complementarity miss, per area and over kc.
     newton : int
         Newton steps so far, refused ones included.
     seconds : float
@@ -73,7 +81,7 @@ class Row:
 
 
 class Recorder:
-    """Keeps the rows of a solve, prints them, and counts Newton steps against the budget.
+    """Keeps the rows of a solve, prints them, and says when the budgets are used up.
 
     Parameters
     ----------
@@ -82,27 +90,51 @@ class Recorder:
     max_steps : int
     log : callable or None
         Called with each line of text.
+    max_seconds : float, optional
+    after_step : callable, optional
+        Called after each accepted step without arguments; the solve stops if it returns True.
+    checkpoint : Checkpoint, optional
+        Where to keep each accepted step; the solve goes on from one that is there.
+
+    Attributes
+    ----------
+    memory : dict of ndarray
+        What a loop needs beside the state to go on from a checkpoint; empty without one.
     """
 
-    def __init__(self, unit, max_steps, log):
-        self.unit, self.max_steps, self.log = unit, max_steps, log
-        self.rows, self.newton, self.pseudo_time = [], 0, 0.0
+    columns = tuple(field.name for field in fields(Row))
+
+    def __init__(self, unit, max_steps, log, max_seconds=np.inf, after_step=None, checkpoint=None):
+        self.unit, self.max_steps, self.log, self.max_seconds = unit, max_steps, log, max_seconds
+        self.rows, self.newton, self.pseudo_time, self.memory = [], 0, 0.0, {}
+        self._after_step, self._checkpoint, self._state = after_step, checkpoint, None
+        self._called_off = False
         self._begin = time.perf_counter()
         if log:
             log(Row.header())
 
     @property
     def exhausted(self):
-        """Whether the budget is used up."""
-        return self.newton >= self.max_steps
+        """Whether the solve has to stop, for the reason `why`."""
+        return self._called_off or self.newton >= self.max_steps or self.seconds >= self.max_seconds
+
+    @property
+    def why(self):
+        """Which budget is used up."""
+        if self._called_off:
+            return Reason.CALLBACK
+        return Reason.STEP_BUDGET if self.newton >= self.max_steps else Reason.TIME_BUDGET
 
     @property
     def seconds(self):
-        """Wall-clock time since the solve began."""
+        """Wall-clock time that the solve has taken."""
         return time.perf_counter() - self._begin
 
-    def record(self, problem, phase, step, lagrangian, residual):
-        """Add the row of a step Δt = `step` that has just been accepted."""
+    def record(self, problem, phase, step, lagrangian, residual, **memory):
+        """Add the row of a step Δt = `step` that has just been accepted.
+
+        `memory` is what the loop needs to go on from here, numbers and arrays.
+        """
         self.pseudo_time += step
         row = Row(
             phase=phase,
@@ -111,12 +143,34 @@ class Recorder:
             step=step,
             energy=self.unit * problem.cost(),
             lagrangian=self.unit * lagrangian,
-            residual=self.unit * residual,
+            residual=residual,
             newton=self.newton,
             seconds=self.seconds,
         )
         self.rows.append(row)
+        self._state = problem.state.vec.FV().NumPy().copy()
         if self.log:
             self.log(str(row))
+        if self._checkpoint:
+            self._checkpoint.write(self._state, self.rows, memory)
+        if self._after_step and self._after_step():
+            self._called_off = True
 
-    columns = tuple(field.name for field in fields(Row))
+    def resume(self, problem):
+        """Go on from the checkpoint, if there is one."""
+        found = self._checkpoint.read(problem.state.vec.size) if self._checkpoint else None
+        if found is None:
+            return
+        self._state, self.rows, self.memory = found
+        problem.state.vec.FV().NumPy()[:] = self._state
+        last = self.rows[-1]
+        self.newton, self.pseudo_time = last.newton, last.pseudo_time
+        self._begin -= last.seconds
+        if self.log:
+            self.log(f"going on after {self.newton} Newton steps")
+
+    def restore(self, problem):
+        """Return to the last accepted step. Returns whether there is one."""
+        if self._state is not None:
+            problem.state.vec.FV().NumPy()[:] = self._state
+        return self._state is not None

@@ -33,27 +33,33 @@ def interior_point(problem, recorder, last_mu):
         Its `state` is moved.
     recorder : Recorder
     last_mu : float
-        The barrier weight, relative to kc, at which to stop.
+        The barrier weight, relative to kc, at which to stop; in a scene without limits the
+        tolerance.
 
     Returns
     -------
     Reason
     """
-    feasible_start(problem, recorder)
-    iterate = Iterate(problem, FIRST_MU)
+    if not recorder.memory:
+        feasible_start(problem, recorder)
+    # Without limits there is no barrier to weaken.
+    iterate = Iterate(problem, FIRST_MU if problem.slack_names else last_mu)
+    if recorder.memory:
+        iterate.recall(**recorder.memory)
     while not recorder.exhausted:
         error = iterate.error()
         if iterate.mu > last_mu and error <= 10 * iterate.mu:
             iterate.set_mu(max(min(0.2 * iterate.mu, iterate.mu**1.5), last_mu))
             continue
-        if iterate.mu <= last_mu and error <= iterate.mu and iterate.c.min() > 0:
+        if iterate.mu <= last_mu and error <= iterate.mu and iterate.c.min(initial=1) > 0:
             return Reason.CONVERGED
         rate, accepted = iterate.step(recorder)
         if accepted:
-            recorder.record(problem, "barrier", 1 / rate, iterate.lagrangian(), error)
+            value = iterate.lagrangian()
+            recorder.record(problem, "barrier", 1 / rate, value, error, **iterate.memory())
         elif iterate.refusals > REFUSALS:
             return Reason.BLOCKED
-    return Reason.STEP_BUDGET
+    return recorder.why
 
 
 def feasible_start(problem, recorder):
@@ -127,6 +133,24 @@ class Iterate:
         self.mu = self.problem.mu = mu
         self._filter = []
 
+    def memory(self):
+        """What a later process needs to go on from here, beside the state."""
+        return {
+            "mu": self.mu,
+            "s": self.s,
+            "z": self.z,
+            "rate": self.rate,
+            "filter": np.reshape(self._filter, (-1, 2)),
+            "largest_violation": self._largest_violation,
+        }
+
+    def recall(self, mu, s, z, rate, filter, largest_violation):
+        """Go on from where `memory` was taken."""
+        self.set_mu(float(mu))
+        self.s, self.z, self.rate = s, z, float(rate)
+        self._filter = [tuple(pair) for pair in filter]
+        self._largest_violation = float(largest_violation)
+
     def lagrangian(self):
         """The Lagrangian, barrier included, over kc, over the meshed domain."""
         return self._objective() + self.problem.work()
@@ -140,8 +164,8 @@ class Iterate:
         forces = problem.dual_norm(self._force), problem.imbalance()
         return max(
             max(forces) / np.sqrt(problem.area),
-            np.abs(self.c - self.s).max(),
-            np.abs(self.s * self.z - self.mu).max(),
+            np.abs(self.c - self.s).max(initial=0),
+            np.abs(self.s * self.z - self.mu).max(initial=0),
         )
 
     def step(self, recorder):

@@ -59,7 +59,7 @@ class Lagrangian:
         self._probe = ngs.GridFunction(self.points)
 
         cloth = self._kinematics(self.fes.TrialFunction())
-        self._energy = self._symbolic_energy(cloth.jacobian * self._strain_energy(cloth))
+        self._energy = self._symbolic_energy(cloth.jacobian * self._density(cloth))
         self._roots = []
         self._model = self._gauss_newton(cloth, here) if gauss_newton else self._energy
         self._bending = self._bending_matrix() if scene.tie_break else None
@@ -67,7 +67,7 @@ class Lagrangian:
     # What the loops ask -------------------------------------------------------------------
 
     def cost(self):
-        """E at the current state, divided by kc, over the meshed domain."""
+        """What is minimised, E or the scene's own cost, over kc and the meshed domain."""
         return self._energy.Energy(self.state.vec)
 
     def value(self):
@@ -139,9 +139,10 @@ class Lagrangian:
         t11, t12, t22 = (self._frozen(tensor[i]) for i in ((0, 0), (0, 1), (1, 1)))
         return ngs.CF((t11, t12, t12, t22), dims=(2, 2))
 
-    def _strain_energy(self, cloth):
-        fabric = self.scene.fabric
-        return fabric.energy(cloth.I4, cloth.I6, cloth.I8) / fabric.stiffness
+    def _density(self, cloth):
+        fabric, cost = self.scene.fabric, self.scene.cost
+        density = fabric.energy(cloth.I4, cloth.I6, cloth.I8) if cost is None else cost(cloth)
+        return density / fabric.stiffness
 
     def _symbolic_energy(self, density):
         form = ngs.BilinearForm(self.fes, symmetric=True)

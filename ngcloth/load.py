@@ -194,7 +194,7 @@ def _state(scene, mesh, settings, fields):
     order = settings["order"]
     mirrors = ("mirror1", "mirror2") if scene.symmetric else ("", "")
     components = [ngs.H1(mesh, order=order, dirichlet=line) for line in mirrors]
-    if scene.constraints:
+    if scene.in_equilibrium:
         fixed = [f"rim|{line}" if line else "rim" for line in mirrors]
         components += [
             ngs.H1(mesh, order=settings["multiplier_order"], dirichlet=lines) for lines in fixed

@@ -25,7 +25,7 @@ class Result:
         Why the solve stopped, in words. A result that has not `converged` holds the last good
         iterate.
     cost : float
-        E/kc over the meshed domain; `energy` is the figure to use.
+        What was minimised, over kc and the meshed domain: E, or the scene's own cost.
     newton_iterations : int
         All Newton steps, refused ones included.
     seconds : float
@@ -53,7 +53,10 @@ class Result:
     @property
     def energy(self):
         """E = ∫ J W, whole surface, in units of stiffness × length²."""
-        return self.scene.copies * self.scene.fabric.stiffness * self.cost
+        if self.scene.cost is None:
+            return self.scene.copies * self.scene.fabric.stiffness * self.cost
+        cloth = Kinematics(gradient(*self._psi), self.scene.surface.metric)
+        return self._integral(self.scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8))
 
     @property
     def normalized_energy(self):
@@ -63,8 +66,7 @@ class Result:
     @cached_property
     def area(self):
         """Area of the whole flat patch, ∫ J."""
-        rule = ngs.dx(bonus_intorder=2 * self.settings["order"])
-        return self.scene.copies * ngs.Integrate(self._fields["jacobian"] * rule, self._mesh)
+        return self._integral(ngs.CF(1.0))
 
     @cached_property
     def extrema(self):
@@ -352,6 +354,12 @@ class Result:
             "reaction": cloth.reaction,
             "jacobian": cloth.jacobian,
         }
+
+    def _integral(self, density):
+        """Integral over the whole flat patch."""
+        rule = ngs.dx(bonus_intorder=2 * self.settings["order"])
+        integral = ngs.Integrate(self._fields["jacobian"] * density * rule, self._mesh)
+        return self.scene.copies * integral
 
     def _folded(self, theta1, theta2):
         """Images (n, 2) of the points in the meshed domain, and the signs (..., 2) of ψ there."""

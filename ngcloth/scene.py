@@ -29,6 +29,10 @@ class Scene:
         First guess of ψ: a pair (s1, s2) means ψ = (s1 θ1, s2 θ2); a callable of (θ1, θ2) returns
         the two components as NGSolve expressions. Only its gradient matters, ψ being free up to a
         translation. By default the pair that makes both stretches 1 in the mean.
+    cost : callable, optional
+        A cost density χ per flat area to minimise in place of the strain energy: a function of a
+        `Kinematics` that returns an expression, in the unit of a stiffness. With it the patch is
+        held to in-plane equilibrium even without constraints.
     symmetric : bool, optional
         Solve on a quarter of the domain, with mirror lines through its centre: ψ1 odd and ψ2 even
         across θ1 = centre, ψ2 odd and ψ1 even across θ2 = centre. Default False.
@@ -57,6 +61,7 @@ class Scene:
     fabric: Net
     constraints: tuple = ()
     start: tuple | Callable | None = None
+    cost: Callable | None = None
     symmetric: bool = False
     tie_break: float = 0.0
     name: str = "scene"
@@ -78,17 +83,24 @@ class Scene:
             known = isinstance(getattr(each, "name", None), str)
             if isinstance(each, type) or not (known and callable(getattr(each, "slacks", None))):
                 raise InputError("constraints", each, "objects with `name` and `slacks(cloth)`")
+        if not (self.cost is None or callable(self.cost)):
+            raise InputError("cost", self.cost, "a callable of a Kinematics, or None")
         if not isinstance(self.symmetric, bool):
             raise InputError("symmetric", self.symmetric, "True or False")
         check_number("tie_break", self.tie_break, 0, 1)
-        if self.tie_break and self.constraints:
-            raise InputError("tie_break", self.tie_break, "0 in a scene with constraints")
+        if self.tie_break and self.in_equilibrium:
+            raise InputError("tie_break", self.tie_break, "0 with constraints or a cost")
         self._check_start()
+
+    @property
+    def in_equilibrium(self):
+        """Whether equilibrium has to be imposed; minima of E alone have it by themselves."""
+        return bool(self.constraints) or self.cost is not None
 
     @property
     def inextensible(self):
         """Whether this is a Chebyshev scene: E is nothing but thread energy, and can vanish."""
-        return isinstance(self.fabric, Net) and self.fabric.ks == 0 and not self.constraints
+        return isinstance(self.fabric, Net) and self.fabric.ks == 0 and not self.in_equilibrium
 
     @property
     def copies(self):
@@ -152,11 +164,11 @@ class Scene:
 
     def __str__(self):
         domain = f"{self.surface.domain}" + (", one quarter" if self.symmetric else "")
-        terms = ["E(ψ), the strain energy"]
+        terms = ["E(ψ), the strain energy" if self.cost is None else "∫ J χ, a cost of its own"]
         if self.tie_break:
             terms.append(f"ε/2 ∫ |∇∇ψ|² down to ε = {self.tie_break:g}, to choose among nets")
         unknowns = "ψ1, ψ2"
-        if self.constraints:
+        if self.in_equilibrium:
             unknowns += ", η1, η2"
             terms.append("∫ J S : L_η a, in-plane equilibrium")
             terms += [f"barrier of {limit}" for limit in self.constraints]

@@ -1,8 +1,12 @@
-"""solve(): mesh, loops, result."""
+"""solve(): mesh, loops, result. minima(): from several starts."""
+
+from dataclasses import replace
 
 import ngsolve as ngs
+import numpy as np
 from netgen.occ import OCCGeometry
 
+from .checkpoint import Checkpoint
 from .constrained import ConstrainedLagrangian
 from .errors import InputError, SolveError, check_integer, check_number
 from .gradient_flow import adaptive_flow, fixed_flow
@@ -10,6 +14,8 @@ from .history import Reason, Recorder
 from .interior_point import interior_point
 from .lagrangian import Lagrangian
 from .result import Result
+from .saddle_flow import saddle_flow
+from .save import fingerprint
 from .scene import Scene
 
 FLOWS = {"adaptive": adaptive_flow, "paper": fixed_flow}
@@ -27,9 +33,12 @@ def solve(
     barrier_end=1e-3,
     tolerance=1e-6,
     max_steps=500,
+    max_seconds=np.inf,
     schedule="adaptive",
     inverse="sparsecholesky",
     log=None,
+    callback=None,
+    checkpoint=None,
     throw=False,
     **unknown,
 ):
@@ -54,16 +63,27 @@ def solve(
         1e-3.
     tolerance : float, optional
         The solve ends where the decrease of the Lagrangian still in sight is below this fraction
-        of it; with the "paper" schedule where |∂t L|/(2π kc) is below it. Default 1e-6.
+        of it; with the "paper" schedule where |∂t L|/(2π kc) is below it; for a cost without
+        constraints where forces per area over kc are below it. Default 1e-6.
     max_steps : int, optional
         Budget of Newton steps. Default 500.
+    max_seconds : float, optional
+        Budget of wall-clock time, checked after each step. By default there is none.
     schedule : {"adaptive", "paper"}, optional
         The pseudo-time loop: one Newton step to each of ever longer steps, or the paper's steps
-        of one size with a Newton solve in each. Only for scenes without constraints.
+        of one size with a Newton solve in each; with constraints also its barrier, from μ = 10
+        halved each time the flow comes to rest. The second is there for comparison.
     inverse : {"sparsecholesky", "umfpack"}, optional
         NGSolve's direct solver. Default "sparsecholesky".
     log : callable, optional
         Called with one line of text per step, for instance ``print``. Silent by default.
+    callback : callable, optional
+        Called after each accepted step with a `Result` of that moment, good until the next step;
+        its last row of history tells phase, energies and residual. The solve stops if it returns
+        True.
+    checkpoint : path, optional
+        A file that is replaced after each accepted step. A solve that is called again with the
+        same arguments after it was cut off goes on from there, and deletes it once converged.
     throw : bool, optional
         Raise `SolveError` instead of returning a result that has not converged.
 
@@ -78,12 +98,16 @@ def solve(
         If a setting is unknown or out of bounds; before any mesh is made.
     SolveError
         If the solve did not converge and `throw` is set.
+
+    Notes
+    -----
+    Ctrl-C ends the solve with ``Reason.INTERRUPTED`` and the last accepted step.
     """
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "an ngcloth.Scene")
     known = (
-        "maxh, order, multiplier_order, quadrature, barrier_end, tolerance, max_steps, schedule, "
-        "inverse, log, throw"
+        "maxh, order, multiplier_order, quadrature, barrier_end, tolerance, max_steps, "
+        "max_seconds, schedule, inverse, log, callback, checkpoint, throw"
     )
     for name, value in unknown.items():
         raise InputError(name, value, f"unknown setting; there are {known}")
@@ -97,47 +121,99 @@ def solve(
         "max_steps": check_integer("max_steps", max_steps, 1),
         "ngsolve": ngs.__version__,
     }
-    if not (log is None or callable(log)):
-        raise InputError("log", log, "a callable of one line of text, or None")
+    for name, function in {"log": log, "callback": callback}.items():
+        if not (function is None or callable(function)):
+            raise InputError(name, function, "a callable of one argument, or None")
     settings["inverse"] = _check_choice("inverse", inverse, INVERSES)
+    settings["schedule"] = _check_choice("schedule", schedule, FLOWS)
     check_number("tolerance", tolerance, 0, open_low=True)
     check_number("barrier_end", barrier_end, 0, 1, open_low=True)
-    _check_choice("schedule", schedule, FLOWS)
+    if max_seconds != np.inf:
+        check_number("max_seconds", max_seconds, 0, open_low=True)
+    if scene.in_equilibrium:
+        multiplier_order = order if multiplier_order is None else multiplier_order
+        settings["multiplier_order"] = check_integer("multiplier_order", multiplier_order, 1)
+        if multiplier_order > order:  # more multipliers than unknowns: a singular matrix
+            raise InputError("multiplier_order", multiplier_order, f"an integer from 1 to {order}")
     if scene.constraints:
-        if schedule == "paper":
-            raise InputError("schedule", schedule, "'adaptive' for a scene with constraints")
-        settings["multiplier_order"] = check_integer(
-            "multiplier_order", order if multiplier_order is None else multiplier_order, 1
-        )
         settings["barrier_end"] = barrier_end
-    else:
-        settings |= {"tolerance": tolerance, "schedule": schedule}
+    if not scene.constraints or schedule == "paper":
+        settings["tolerance"] = tolerance
+    if checkpoint is not None:
+        identity = {name: array.tolist() for name, array in fingerprint(scene).items()}
+        identity |= {name: value for name, value in settings.items() if name != "max_steps"}
+        checkpoint = Checkpoint(checkpoint, identity)
 
-    recorder = Recorder(scene.copies / scene.normalisation * scene.fabric.stiffness, max_steps, log)
-    mesh = make_mesh(scene, settings["maxh"], order)
-    discretisation = (scene, mesh, order, settings["quadrature"], inverse)
-    if scene.constraints:
-        problem = ConstrainedLagrangian(*discretisation, settings["multiplier_order"])
-        reason = interior_point(problem, recorder, barrier_end)
-    else:
-        gauss_newton = scene.inextensible and schedule == "adaptive"
-        problem = Lagrangian(*discretisation, gauss_newton)
-        reason = _run(problem, recorder, FLOWS[schedule], tolerance)
-    result = Result(
-        scene=scene,
-        state=problem.state,
-        reason=reason,
-        cost=problem.cost(),
-        newton_iterations=recorder.newton,
-        seconds=recorder.seconds,
-        history=recorder.rows,
-        settings=settings,
+    def outcome(reason):
+        return Result(
+            scene=scene,
+            state=problem.state,
+            reason=reason,
+            cost=problem.cost(),
+            newton_iterations=recorder.newton,
+            seconds=recorder.seconds,
+            history=list(recorder.rows),
+            settings=settings,
+        )
+
+    recorder = Recorder(
+        scene.copies / scene.normalisation * scene.fabric.stiffness,
+        max_steps,
+        log,
+        max_seconds,
+        callback and (lambda: callback(outcome(Reason.RUNNING)) is True),
+        checkpoint,
     )
+    problem = _discretised(scene, settings)
+    try:
+        recorder.resume(problem)
+        reason = _run(problem, recorder, settings)
+    except KeyboardInterrupt:
+        if not recorder.restore(problem):
+            raise
+        reason = Reason.INTERRUPTED
+    result = outcome(reason)
+    if checkpoint and result.converged:
+        checkpoint.remove()
     if log:
         log(str(reason))
     if throw and not result.converged:
         raise SolveError(result)
     return result
+
+
+def minima(scene, starts, **settings):
+    """Solve a scene from several starts, and keep the minima that differ.
+
+    Parameters
+    ----------
+    scene : Scene
+    starts : sequence
+        Values for `Scene.start`.
+    **settings
+        For `solve`.
+
+    Returns
+    -------
+    list of Result
+        Those that converged first, by energy. Of results that agree to 1e-3 in energy and to
+        1e-2 of the size of the patch in outline, the first is kept.
+    """
+    found = []
+    for start in starts:
+        result = solve(replace(scene, start=start), **settings)
+        if not any(_same_minimum(result, other) for other in found):
+            found.append(result)
+    return sorted(found, key=lambda result: (not result.converged, result.energy))
+
+
+def _same_minimum(one, other):
+    if one.converged != other.converged:
+        return False
+    near = abs(one.energy - other.energy) <= 1e-3 * max(one.energy, other.energy)
+    outline = one.outline(100)
+    apart = np.abs(outline - other.outline(100)).max()
+    return near and apart <= 1e-2 * np.abs(outline).max()
 
 
 def make_mesh(scene, maxh, order):
@@ -148,11 +224,29 @@ def make_mesh(scene, maxh, order):
     return mesh
 
 
-def _run(problem, recorder, flow, tolerance):
-    tie_break = problem.scene.tie_break
-    for weight in (max(FIRST_TIE_BREAK, tie_break), tie_break) if tie_break else (0.0,):
+def _discretised(scene, settings):
+    mesh = make_mesh(scene, settings["maxh"], settings["order"])
+    arguments = (settings[name] for name in ("order", "quadrature", "inverse"))
+    if scene.in_equilibrium:
+        return ConstrainedLagrangian(scene, mesh, *arguments, settings["multiplier_order"])
+    gauss_newton = scene.inextensible and settings["schedule"] == "adaptive"
+    return Lagrangian(scene, mesh, *arguments, gauss_newton)
+
+
+def _run(problem, recorder, settings):
+    scene, tolerance = problem.scene, settings.get("tolerance")
+    if scene.in_equilibrium:
+        if settings["schedule"] == "paper":
+            return saddle_flow(problem, recorder, settings.get("barrier_end", 0), tolerance)
+        return interior_point(problem, recorder, settings.get("barrier_end", tolerance))
+    weights = (
+        (max(FIRST_TIE_BREAK, scene.tie_break), scene.tie_break) if scene.tie_break else (0.0,)
+    )
+    if recorder.rows:
+        weights = [weight for weight in weights if weight <= recorder.rows[-1].mu]
+    for weight in weights:
         problem.mu = weight
-        reason = flow(problem, recorder, "flow", tolerance)
+        reason = FLOWS[settings["schedule"]](problem, recorder, "flow", tolerance)
         if reason is not Reason.CONVERGED:
             break
     return reason

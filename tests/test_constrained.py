@@ -611,7 +611,7 @@ def test_hopeless_start_is_refused():
         ("barrier_end", -1e-3),
         ("barrier_end", np.nan),
         ("barrier_end", "small"),
-        ("schedule", "paper"),
+        ("schedule", "fast"),
     ],
 )
 def test_bad_settings(setting, value):

@@ -1,0 +1,189 @@
+"""How a solve is stopped, watched and taken up again; other costs, starts and schedules."""
+
+import dataclasses
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import ngcloth
+from ngcloth import Reason, Scene, solve
+from ngcloth.scenes import hemicatenoid, hemisphere, sphere
+
+SCENES = {"Chebyshev": (hemicatenoid(), 0.3), "limits": (hemisphere(10.0), 0.3)}
+
+
+@pytest.fixture(params=SCENES)
+def case(request):
+    return SCENES[request.param]
+
+
+def test_callback_sees_each_step_and_stops(case):
+    scene, maxh = case
+    seen = []
+
+    def watch(result):
+        assert result.reason is Reason.RUNNING and not result.converged
+        seen.append((result.area, result.history[-1].newton))
+        return len(seen) == 3
+
+    result = solve(scene, maxh=maxh, callback=watch)
+    assert result.reason is Reason.CALLBACK and len(seen) == len(result.history) == 3
+    assert (result.area, result.newton_iterations) == seen[-1]
+    assert len({area for area, _ in seen}) == 3
+
+
+def test_budget_of_seconds(case):
+    scene, maxh = case
+    result = solve(scene, maxh=maxh, max_seconds=1e-3)
+    assert result.reason is Reason.TIME_BUDGET and not result.converged
+    assert result.newton_iterations <= 1
+
+
+def test_interrupt_returns_the_last_accepted_step(case):
+    """An interrupt in the middle of the fourth step."""
+    scene, maxh = case
+    third = []
+
+    def watch(result):
+        if len(result.history) == 3:
+            third.append(result.state.vec.FV().NumPy().copy())
+        if len(result.history) == 4:
+            result.state.vec.FV().NumPy()[:] = np.nan
+            raise KeyboardInterrupt
+
+    result = solve(scene, maxh=maxh, callback=watch)
+    assert result.reason is Reason.INTERRUPTED and len(result.history) == 4
+    assert np.isfinite(result.energy) and result.extrema["jacobian"][0] > 0
+    assert not np.array_equal(result.state.vec.FV().NumPy(), third[0])
+
+
+# Checkpoints --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("steps", [1, 6])
+def test_taken_up_again(case, tmp_path, steps):
+    scene, maxh = case
+    path = tmp_path / "run.npz"
+    whole = solve(scene, maxh=maxh)
+    cut = solve(scene, maxh=maxh, checkpoint=path, max_steps=steps)
+    assert cut.reason is Reason.STEP_BUDGET and path.exists()
+    rest = solve(scene, maxh=maxh, checkpoint=path)
+    assert rest.converged and not path.exists()
+    assert rest.newton_iterations == whole.newton_iterations
+    assert len(rest.history) == len(whole.history)
+    assert rest.energy == pytest.approx(whole.energy, rel=1e-9, abs=1e-12)
+    assert rest.seconds > cut.seconds
+
+
+SCRIPT = """
+import ngcloth, sys
+scene = ngcloth.scenes.hemisphere(10.0)
+ngcloth.solve(scene, maxh=0.15, checkpoint=sys.argv[1], log=lambda line: print(line, flush=True))
+"""
+
+
+def test_killed_at_random_times(tmp_path):
+    """SIGKILL, again and again; what is there is always good, and the end is the same."""
+    path, moments = tmp_path / "run.npz", random.Random(3)
+    command, environment = [sys.executable, "-c", SCRIPT, str(path)], os.environ | {}
+    went_on = False
+    for _ in range(20):
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+        for line in process.stdout:
+            went_on = went_on or line.startswith("going on")
+            if "barrier" in line and moments.random() < 0.5:
+                time.sleep(0.02 * moments.random())
+                process.send_signal(signal.SIGKILL)
+                break
+        process.stdout.close()
+        if process.wait() == 0:
+            break
+        assert process.returncode == -signal.SIGKILL
+        if path.exists():
+            with np.load(path, allow_pickle=False) as found:
+                assert np.isfinite(found["state"]).all()
+    assert went_on
+    result = solve(hemisphere(10.0), maxh=0.15, checkpoint=path)
+    assert result.converged
+    whole = solve(hemisphere(10.0), maxh=0.15)
+    assert result.energy == pytest.approx(whole.energy, rel=1e-9)
+
+
+def test_foreign_and_damaged_checkpoints(tmp_path):
+    path = tmp_path / "run.npz"
+    solve(hemisphere(10.0), maxh=0.3, checkpoint=path, max_steps=2)
+    for scene, maxh in ((hemisphere(11.0), 0.3), (hemisphere(10.0), 0.25)):
+        with pytest.raises(ngcloth.InputError, match="another one's"):
+            solve(scene, maxh=maxh, checkpoint=path)
+    whole = path.read_bytes()
+    for damaged in (b"", whole[: len(whole) // 2], b"no archive", whole[:99] + whole[400:]):
+        path.write_bytes(damaged)
+        with pytest.raises(ngcloth.InputError, match="damaged"):
+            solve(hemisphere(10.0), maxh=0.3, checkpoint=path)
+    with pytest.raises(ngcloth.InputError, match="existing folder"):
+        solve(hemisphere(10.0), maxh=0.3, checkpoint=tmp_path / "none" / "run.npz")
+
+
+# Costs, starts, schedules -------------------------------------------------------------------
+
+
+def energy(cloth):
+    return cloth.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
+
+
+def total_shear(cloth):
+    return cloth.shear**2 + 0.01 * energy(cloth)
+
+
+def test_energy_as_cost_needs_no_multiplier():
+    """Without limits the minimum of E is in equilibrium: η vanishes up to what the mesh leaves."""
+    scene = dataclasses.replace(hemisphere(10.0), constraints=())
+    plain = solve(scene, maxh=0.25)
+    held = solve(dataclasses.replace(scene, cost=energy), maxh=0.25)
+    assert plain.converged and held.converged
+    assert held.normalized_energy == pytest.approx(plain.normalized_energy, rel=1e-6)
+    assert held.outline(50) == pytest.approx(plain.outline(50), abs=1e-5)
+    eta = held.state.vec.FV().NumPy()[held.state.space.Range(2).start :]
+    assert np.abs(eta).max() < 1e-3
+
+
+def test_another_cost_is_lower_where_it_is_minimised():
+    """Little shear at the price of stretch, in equilibrium; neither can beat the other's own."""
+    stiff = hemisphere(10.0)
+    usual = solve(stiff, maxh=0.25)
+    other = solve(dataclasses.replace(stiff, cost=total_shear), maxh=0.25)
+    assert other.converged and other.energy > 1.1 * usual.energy
+    assert other.extrema["shear"][1] < 0.9 * usual.extrema["shear"][1]
+    assert other.equilibrium_residual < 0.1
+
+
+def test_bad_cost():
+    with pytest.raises(ngcloth.InputError, match="cost"):
+        Scene(hemisphere().surface, ngcloth.Net(), cost=3.0)
+
+
+def test_minima_lowest_first():
+    scene = sphere(0.8, shear_limit=np.cos(np.pi / 6))
+    starts = [(0.1, 0.1), (0.1, 0.1), (0.5, 0.3)]
+    found = ngcloth.minima(scene, starts, maxh=0.3, max_steps=150)
+    assert 1 <= len(found) <= 2  # two starts are the same
+    energies = [result.energy for result in found if result.converged]
+    assert energies and energies == sorted(energies)
+
+
+def test_paper_schedule_with_limits():
+    """Slower by far, and to the same patch at the same last weight."""
+    scene, settings = hemisphere(1.0), {"maxh": 0.35, "barrier_end": 1e-2}
+    paper = solve(scene, schedule="paper", tolerance=1e-4, **settings)
+    ours = solve(scene, **settings)
+    assert paper.converged and ours.converged
+    assert paper.normalized_energy == pytest.approx(ours.normalized_energy, rel=5e-3)
+    assert paper.newton_iterations > 3 * ours.newton_iterations
+    assert [row.phase for row in paper.history][0] == "saddle"
+    assert paper.history[0].mu == 10.0 and paper.history[-1].mu == 1e-2

@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 
 from .errors import InputError
+from .history import Reason
 from .result import Result
 from .scenes import NAMED
 from .solve import solve
@@ -30,7 +31,8 @@ STATUS = (
 def _report(result, path):
     from .report import report
 
-    report(result, path)
+    there = [path.parent / name for name in FILES if (path.parent / name).is_file()]
+    report(result, path, [file for file in there if file != path])
 
 
 FILES = {
@@ -144,6 +146,9 @@ def _solve_and_write(arguments):
     log = None if arguments.quiet else partial(print, flush=True)
     result = solve(scene, log=log, **chosen(SETTINGS))
     print(result, flush=True)
+    if result.reason is Reason.INTERRUPTED:
+        raise KeyboardInterrupt
+    print(result.certificate(), flush=True)
     if not result.converged:
         _complain(f"not converged: {result.reason}")
     written, failed = _write(result, folder)

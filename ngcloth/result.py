@@ -6,9 +6,10 @@ from functools import cached_property
 import ngsolve as ngs
 import numpy as np
 
+from .equilibrium import equilibrium_residual
 from .errors import InputError
 from .history import Reason
-from .kinematics import Kinematics, gradient, virtual_strain
+from .kinematics import Kinematics, gradient
 from .scene import Scene
 
 
@@ -55,7 +56,7 @@ class Result:
         """E = ∫ J W, whole surface, in units of stiffness × length²."""
         if self.scene.cost is None:
             return self.scene.copies * self.scene.fabric.stiffness * self.cost
-        cloth = Kinematics(gradient(*self._psi), self.scene.surface.metric)
+        cloth = self._cloth
         return self._integral(self.scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8))
 
     @property
@@ -295,32 +296,7 @@ class Result:
         included. Forces of strains below 1e-9 count as none. Where the rim carries no force either,
         as without active limits, the ratio says little.
         """
-        surface, order = self.scene.surface, self.settings["order"] + 1
-        mirrors = ["mirror1", "mirror2"] if self.scene.symmetric else ["", ""]
-        space = ngs.FESpace([ngs.H1(self._mesh, order=order, dirichlet=m) for m in mirrors])
-        eta, rule = space.TestFunction(), ngs.dx(bonus_intorder=2 * order)
-        cloth = Kinematics(gradient(*self._psi), surface.metric, self.scene.fabric)
-        strain = virtual_strain(eta, gradient(*eta), surface.metric, surface.metric_derivatives)
-        stress = cloth.contravariant_stress / self.scene.fabric.stiffness
-        force = ngs.LinearForm(space)
-        force += (cloth.jacobian * ngs.InnerProduct(stress, strain)).Compile() * rule
-        norm = ngs.BilinearForm(space, symmetric=True)
-        for u, v in zip(*space.TnT(), strict=True):
-            norm += (ngs.grad(u) * ngs.grad(v) + 1e-2 * u * v) * ngs.dx
-        force.Assemble(), norm.Assemble()
-
-        def dual_norm(free):
-            riesz = norm.mat.Inverse(free, inverse="sparsecholesky") * force.vec
-            return np.sqrt(max(ngs.InnerProduct(force.vec, riesz.Evaluate()), 0.0))
-
-        rim = ngs.BitArray(space.FreeDofs())
-        for i, component in enumerate(space.components):
-            on_rim = component.GetDofs(self._mesh.Boundaries("rim"))
-            for dof in range(component.ndof):
-                if on_rim[dof]:
-                    rim.Clear(space.Range(i).start + dof)
-        floor = 1e-9 * np.sqrt(self.area / self.scene.copies)
-        return float(dual_norm(rim) / max(dual_norm(space.FreeDofs()), floor))
+        return equilibrium_residual(self)
 
     def certificate(self):
         """Check this result from its ψ alone, see `ngcloth.verify`.
@@ -342,11 +318,15 @@ class Result:
         return self.state.space.mesh
 
     @cached_property
-    def _fields(self):
-        surface = self.scene.surface
-        cloth = Kinematics(
-            gradient(*self._psi), surface.metric, self.scene.fabric, lambda: surface.curvature
+    def _cloth(self):
+        scene, slope = self.scene, gradient(*self._psi)
+        return Kinematics(
+            slope, scene.surface.metric, scene.fabric, lambda: scene.surface.curvature
         )
+
+    @cached_property
+    def _fields(self):
+        cloth = self._cloth
         return {
             "stretch1": cloth.stretch1,
             "stretch2": cloth.stretch2,
@@ -358,7 +338,7 @@ class Result:
     def _integral(self, density):
         """Integral over the whole flat patch."""
         rule = ngs.dx(bonus_intorder=2 * self.settings["order"])
-        integral = ngs.Integrate(self._fields["jacobian"] * density * rule, self._mesh)
+        integral = ngs.Integrate(self._cloth.jacobian * density * rule, self._mesh)
         return self.scene.copies * integral
 
     def _folded(self, theta1, theta2):

@@ -29,16 +29,17 @@ class _StationaryPoint:
         self.scene, self.settings = result.scene, result.settings
         self.psi, self.mesh = result.state.components[:2], result.state.space.mesh
         self.order = self.settings["order"]
-        self.inverse = "umfpack" if self.scene.constraints else "sparsecholesky"
-        self.mu = self.settings["barrier_end"] if self.scene.constraints else 0.0
+        self.inverse = "umfpack" if self.scene.in_equilibrium else "sparsecholesky"
+        self.mu = self.settings.get("barrier_end", 0.0)
         rule = ngs.IntegrationRule(ngs.TRIG, 2 * ((self.settings["quadrature"] + 1) // 2))
         self.dx = ngs.dx(intrules={ngs.TRIG: rule})
         self.cloth, self.metric = _cloth(result), self.scene.surface.metric
         self.slope, self.kc = self.cloth.gradient, self.scene.fabric.stiffness
         self.root = ngs.sqrt(ngs.Det(self.metric))
         self.slacks = [c for limit in self.scene.constraints for c in limit.slacks(self.cloth)]
-        invariants = self.cloth.I4, self.cloth.I6, self.cloth.I8
-        self.energy = self.cloth.jacobian * self.scene.fabric.energy(*invariants) / self.kc
+        cloth, cost = self.cloth, self.scene.cost
+        density = cost(cloth) if cost else self.scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
+        self.energy = cloth.jacobian * density / self.kc
         points = self.mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)
         self.interior = all((c.Compile()(points) > 0).all() for c in self.slacks)
 
@@ -90,7 +91,7 @@ class _StationaryPoint:
             return "|".join([*rim, *(odd if self.scene.symmetric else [])])
 
         spaces = [ngs.H1(self.mesh, order=order, dirichlet=held(i)) for i in (0, 1)]
-        if self.slacks:
+        if self.scene.in_equilibrium:
             eta = self.settings["multiplier_order"]
             spaces += [ngs.H1(self.mesh, order=eta, dirichlet=held(i, ["rim"])) for i in (0, 1)]
         return ngs.FESpace(spaces)
@@ -124,7 +125,7 @@ class _StationaryPoint:
             matrix += self.seminorm(u, v)
             if self.scene.tie_break:
                 force += self.bending(psi, v)
-        if self.slacks:
+        if self.scene.in_equilibrium:
             matrix += self.equilibrium(trial, test)
         force.Assemble(), matrix.Assemble()
         solution = ngs.GridFunction(space)
@@ -141,7 +142,7 @@ class _StationaryPoint:
         density = self.energy
         for c in self.slacks:
             density -= self.mu * self.root * ngs.log(c)
-        if self.slacks:
+        if self.scene.in_equilibrium:
             density += self.work(eta)
             hessian += self.equilibrium(trial, test)
         change = density.Diff(self.slope, gradient(*trial[:2]))

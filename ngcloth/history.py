@@ -12,8 +12,8 @@ class Reason(enum.Enum):
 
     CONVERGED = "converged"
     SINGULAR = (
-        "the threads collapse onto one line within 1.6°: this surface has no Chebyshev net here, "
-        "or the mesh cannot resolve it"
+        "the threads collapse onto one line within 1.8°, or stretch by more than a tenth: this "
+        "surface has no Chebyshev net here, or the mesh cannot resolve it"
     )
     STEP_BUDGET = "stopped: the budget of Newton steps is used up"
     TIME_BUDGET = "stopped: the budget of seconds is used up"

@@ -56,6 +56,7 @@ class Lagrangian:
 
         here = self._kinematics(self.state.components)
         self._jacobian, self._shear = here.jacobian.Compile(), here.shear.Compile()
+        self._stretches = here.stretch1.Compile(), here.stretch2.Compile()
         self._probe = ngs.GridFunction(self.points)
 
         cloth = self._kinematics(self.fes.TrialFunction())
@@ -106,6 +107,14 @@ class Lagrangian:
         """The largest |γ| over all integration points."""
         self._probe.Interpolate(self._shear)
         return np.abs(self._probe.vec.FV().NumPy()).max()
+
+    def largest_strain(self):
+        """The largest |λ − 1| of both threads over all integration points."""
+        largest = 0.0
+        for stretch in self._stretches:
+            self._probe.Interpolate(stretch)
+            largest = max(largest, np.abs(self._probe.vec.FV().NumPy() - 1).max())
+        return largest
 
     # How it is put together ---------------------------------------------------------------
 

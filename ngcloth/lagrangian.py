@@ -141,7 +141,7 @@ class Lagrangian:
 
     def _frozen(self, expression):
         values = ngs.GridFunction(self.points)
-        values.Interpolate(expression)
+        values.Interpolate(expression.Compile())
         return values
 
     def _frozen_symmetric(self, tensor):

@@ -6,7 +6,7 @@ import ngsolve as ngs
 import numpy as np
 
 from .kinematics import Kinematics, gradient, virtual_strain
-from .lagrangian import Lagrangian
+from .lagrangian import Lagrangian, of_state
 
 SOFTENING = 1e-8  # of the block of η for a factorisation without pivoting
 
@@ -76,6 +76,7 @@ class ConstrainedLagrangian(Lagrangian):
         sliding_work = cloth.jacobian * ngs.InnerProduct(stress, strain)
         self._work = self._symbolic_energy(sliding_work)
         cost = cloth.jacobian * self._density(cloth)
+        self._limits = self._symbolic_energy(area * limits)
         self._model = self._symbolic_energy(cost + area * limits)
         self._model += ngs.Variation(sliding_work.Compile() * self._dx)
 
@@ -88,6 +89,7 @@ class ConstrainedLagrangian(Lagrangian):
 
     # What the loop asks -------------------------------------------------------------------
 
+    @of_state
     def slacks(self):
         """Values c of all slacks at the sampling points, (slacks, points)."""
         return self._values(self._c_here)
@@ -114,19 +116,34 @@ class ConstrainedLagrangian(Lagrangian):
 
     def gradient(self, out):
         """Write ∇E + ∇(work) − Σ z ∇c at the current state, with the frozen z, to `out`."""
-        self._model.Apply(self.state.vec, out)
+        self._limits.Apply(self.state.vec, out)
+        out.data += self._cost_gradient() + self._work_gradient()
 
     def cost_gradient(self, out):
         """Write the derivative of `cost` to the vector `out`."""
-        self._energy.Apply(self.state.vec, out)
+        out.data = self._cost_gradient()
+
+    @of_state
+    def _cost_gradient(self):
+        return self._derivative(self._energy)
+
+    @of_state
+    def _work_gradient(self):
+        return self._derivative(self._work)
+
+    def _derivative(self, energy):
+        force = self.state.vec.CreateVector()
+        energy.Apply(self.state.vec, force)
+        return force
 
     def work(self):
         """The virtual work of sliding the cloth along η, over kc."""
         return self._work.Energy(self.state.vec)
 
+    @of_state
     def imbalance(self):
         """Dual norm of the in-plane force on the cloth inside the rim."""
-        self._work.Apply(self.state.vec, self._force)
+        self._force.data = self._work_gradient()
         self._force.FV().NumPy()[self.psi_dofs] = 0
         return self.dual_norm(self._force)
 

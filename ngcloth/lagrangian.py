@@ -1,10 +1,28 @@
 """A scene on a mesh: the compound H1 space, and the energies that this scene needs."""
 
+from functools import wraps
+
 import ngsolve as ngs
 import numpy as np
 from ngsolve.comp import IntegrationRuleSpace
 
 from .kinematics import Kinematics, gradient
+
+
+def of_state(evaluate):
+    """Make a method keep its last value, and return it for as long as `self.state` is the same."""
+    name = f"_kept_{evaluate.__name__}"
+
+    @wraps(evaluate)
+    def kept(self):
+        state = self.state.vec.FV().NumPy()
+        at, value = getattr(self, name, (None, None))
+        if at is None or not np.array_equal(at, state):
+            value = evaluate(self)
+            setattr(self, name, (state.copy(), value))
+        return value
+
+    return kept
 
 
 class Lagrangian:
@@ -67,6 +85,7 @@ class Lagrangian:
 
     # What the loops ask -------------------------------------------------------------------
 
+    @of_state
     def cost(self):
         """What is minimised, E or the scene's own cost, over kc and the meshed domain."""
         return self._energy.Energy(self.state.vec)
@@ -98,6 +117,7 @@ class Lagrangian:
             matrix.AsVector().data += self.mu * self._bending.AsVector()
         return matrix
 
+    @of_state
     def least_jacobian(self):
         """The least J over all integration points; NaN if it is not finite somewhere."""
         self._probe.Interpolate(self._jacobian)

@@ -6,6 +6,9 @@ import numpy as np
 
 from .errors import InputError, check_integer, check_number
 
+# OpenCascade merges points within 1e-7; Netgen leaves parts of far larger or thinner faces bare.
+SMALLEST, LARGEST, LONGEST = 1e-5, 1e6, 1e4
+
 
 class Domain:
     """A connected piece of the parameter plane that is mirror symmetric about its centre lines.
@@ -56,12 +59,12 @@ class Domain:
 
 @dataclass(frozen=True)
 class Disk(Domain):
-    """The disk |θ| < radius."""
+    """The disk |θ| < radius, 1e-5 <= radius <= 1e6."""
 
     radius: float = 1.0
 
     def __post_init__(self):
-        check_number("radius", self.radius, 0, open_low=True)
+        check_number("radius", self.radius, SMALLEST, LARGEST)
 
     @property
     def box(self):
@@ -86,7 +89,11 @@ class Disk(Domain):
 
 @dataclass(frozen=True)
 class Rectangle(Domain):
-    """The rectangle side1 × side2, each side a pair (low, high)."""
+    """The rectangle side1 × side2, each side a pair (low, high).
+
+    Sides are at least 1e-5 long, one at most 1e4 times as long as the other, and their ends at
+    most 1e6.
+    """
 
     side1: tuple
     side2: tuple
@@ -99,6 +106,13 @@ class Rectangle(Domain):
             low, high = (check_number(name, end) for end in side)
             if not low < high:
                 raise InputError(name, side, "a pair of finite numbers, low < high")
+            if high - low < SMALLEST or max(-low, high) > LARGEST:
+                allowed = f"at least {SMALLEST:g} long, its ends at most {LARGEST:g}"
+                raise InputError(name, side, allowed)
+        width, height = np.ptp(np.array(self.box), axis=1)
+        if max(width, height) > LONGEST * min(width, height):
+            allowed = f"a side at most {LONGEST:g} times as long or as short as side1"
+            raise InputError("side2", self.side2, allowed)
 
     @property
     def box(self):

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 
 import ngsolve as ngs
 import numpy as np
+from netgen.meshing import NgException
 
 from .errors import InputError, check_number
 from .fabric import Net
+from .kinematics import Kinematics
 from .surface import Surface
 
 
@@ -53,8 +55,9 @@ class Scene:
     Raises
     ------
     InputError
-        If an argument is of the wrong kind, or the start folds the cloth (J ≤ 0) somewhere, or
-        does not have the symmetry asked for.
+        If an argument is of the wrong kind, the fabric's energy or stress is not finite in the
+        undeformed cloth, or the start folds the cloth (J ≤ 0) or has no finite energy somewhere,
+        or does not have the symmetry asked for.
     """
 
     surface: Surface
@@ -87,6 +90,7 @@ class Scene:
             raise InputError("cost", self.cost, "a callable of a Kinematics, or None")
         if not isinstance(self.symmetric, bool):
             raise InputError("symmetric", self.symmetric, "True or False")
+        self._check_energy()
         check_number("tie_break", self.tie_break, 0, 1)
         if self.tie_break and self.in_equilibrium:
             raise InputError("tie_break", self.tie_break, "0 with constraints or a cost")
@@ -118,7 +122,7 @@ class Scene:
         if callable(start):
             try:
                 psi = ngs.CF(tuple(start(ngs.x, ngs.y)))
-            except (TypeError, ValueError) as error:
+            except (TypeError, ValueError, NgException) as error:
                 raise InputError("start", start, f"two components of ψ ({error})") from error
             if tuple(psi.dims) != (2,):
                 raise InputError("start", start, f"two components of ψ, not {tuple(psi.dims)}")
@@ -130,6 +134,21 @@ class Scene:
         at_centre = self.surface.evaluate(psi, self.surface.domain.centre)
         return psi[0] - float(at_centre[0]), psi[1] - float(at_centre[1])
 
+    def _check_energy(self):
+        undeformed = [ngs.Parameter(value) for value in (1.0, 1.0, 0.0)]
+        try:
+            energy = self.fabric.energy(*undeformed)
+            if not isinstance(energy, ngs.CoefficientFunction) or energy.dim != 1:
+                raise TypeError(f"not {type(energy).__name__}")
+            stress = ngs.CF((energy, *(energy.Diff(invariant) for invariant in undeformed)))
+        except (TypeError, ValueError, AttributeError, NgException) as error:
+            text = " ".join(str(error).split())
+            allowed = f"`energy(I4, I6, I8)` must be one scalar expression of NGSolve ({text})"
+            raise InputError("fabric", self.fabric, allowed) from error
+        if not np.isfinite(self.surface.evaluate(stress, self.surface.domain.centre)).all():
+            allowed = "energy and derivatives must be finite at I4 = I6 = 1, I8 = 0"
+            raise InputError("fabric", self.fabric, allowed)
+
     def _check_start(self):
         if self.start is not None and not callable(self.start):
             if not isinstance(self.start, tuple | list | np.ndarray) or len(self.start) != 2:
@@ -137,18 +156,26 @@ class Scene:
             for factor in self.start:
                 check_number("start", factor)
         psi1, psi2 = self.start_expression()
-        jacobian = psi1.Diff(ngs.x) * psi2.Diff(ngs.y) - psi1.Diff(ngs.y) * psi2.Diff(ngs.x)
+        slopes = [psi.Diff(theta) for psi in (psi1, psi2) for theta in (ngs.x, ngs.y)]
+        cloth = Kinematics(ngs.CF(tuple(slopes), dims=(2, 2)), self.surface.metric)
+        energy = self.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
         domain = self.surface.domain
         points = domain.sample()
-        values = self.surface.evaluate(jacobian, points)
+        values = self.surface.evaluate(ngs.CF((cloth.jacobian, energy)), points)
         values = np.where(np.isfinite(values), values, np.nan)
-        worst = int(np.argmin(values))  # a NaN, if there is one
-        if not values[worst] > 0:
+        worst = int(np.argmin(values[:, 0]))  # a NaN, if there is one
+        if not values[worst, 0] > 0:
             where = tuple(float(t) for t in points[worst])
             raise InputError(
                 "start",
                 self.start,
-                f"J = det ∇ψ must be > 0, and is {values[worst]:.3g} at θ = {where}",
+                f"J = det ∇ψ must be > 0, and is {values[worst, 0]:.3g} at θ = {where}",
+            )
+        worst = int(np.argmax(np.isnan(values[:, 1])))
+        if np.isnan(values[worst, 1]):
+            where = tuple(float(t) for t in points[worst])
+            raise InputError(
+                "start", self.start, f"the fabric has no finite energy there at θ = {where}"
             )
         if self.symmetric:
             psi = ngs.CF((psi1, psi2))

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import ngsolve as ngs
 import numpy as np
+from netgen.meshing import NgException
 from ngsolve.meshes import MakeStructured2DMesh
 
 from .domain import Domain
@@ -55,7 +56,7 @@ class Surface:
             components = chart(ngs.x, ngs.y)
             if not isinstance(components, ngs.CoefficientFunction):
                 components = ngs.CF(tuple(components))
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, NgException) as error:
             raise InputError("chart", chart, f"three components of φ ({error})") from error
         if tuple(components.dims) != (3,):
             raise InputError(
@@ -125,10 +126,11 @@ class Surface:
     def _check_metric(self):
         points = self.domain.sample()
         metric = self.evaluate(self.metric, points)
-        finite = np.isfinite(metric).all(axis=(1, 2))
-        trace = np.where(finite, metric[:, 0, 0] + metric[:, 1, 1], 1.0)
-        determinant = metric[:, 0, 0] * metric[:, 1, 1] - metric[:, 0, 1] ** 2
-        bad = ~finite | ~(determinant > 1e-14 * trace**2)
+        with np.errstate(over="ignore", invalid="ignore"):
+            finite = np.isfinite(metric).all(axis=(1, 2))
+            trace = np.where(finite, metric[:, 0, 0] + metric[:, 1, 1], 1.0)
+            determinant = metric[:, 0, 0] * metric[:, 1, 1] - metric[:, 0, 1] ** 2
+            bad = ~finite | ~(determinant > 1e-14 * trace**2)
         if bad.any():
             where = tuple(float(t) for t in points[np.argmax(bad)])
             raise InputError(

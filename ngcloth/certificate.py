@@ -220,6 +220,7 @@ def _limits(result):
 
 def _lattice(n):
     """Points (i, j)/n of the reference triangle, edges and vertices included."""
+    n = max(n, 1)
     return np.array([(i, j) for i in range(n + 1) for j in range(n + 1 - i)]) / n
 
 

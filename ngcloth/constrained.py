@@ -4,6 +4,7 @@ from functools import cached_property
 
 import ngsolve as ngs
 import numpy as np
+from netgen.meshing import NgException
 
 from .kinematics import Kinematics, gradient, virtual_strain
 from .lagrangian import Lagrangian, of_state
@@ -157,7 +158,8 @@ class ConstrainedLagrangian(Lagrangian):
 
         LDLᵀ without pivoting needs a matrix without zeros on the diagonal (Vanderbei, 1995); it
         gets one with a small negative block for η, whose effect iterative refinement undoes. It
-        takes a tenth of the time of LU with pivoting, which stands by for the rare failure.
+        takes a tenth of the time of LU with pivoting, which stands by for the rare failure; where
+        that fails as well, x is not a number.
         """
         if self.inverse == "sparsecholesky":
             matrix.AsVector().data -= SOFTENING * self.eta_flow.AsVector()
@@ -165,7 +167,10 @@ class ConstrainedLagrangian(Lagrangian):
             matrix.AsVector().data += SOFTENING * self.eta_flow.AsVector()
             if self._refine(matrix, inverse, load, out):
                 return
-        out.data = matrix.Inverse(self.free, inverse="umfpack") * load
+        try:
+            out.data = matrix.Inverse(self.free, inverse="umfpack") * load
+        except NgException:  # singular, or not finite
+            out[:] = np.nan
 
     # How it is put together ---------------------------------------------------------------
 

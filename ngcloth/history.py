@@ -15,6 +15,7 @@ class Reason(enum.Enum):
         "the threads collapse onto one line within 1.8°, or stretch by more than a tenth: this "
         "surface has no Chebyshev net here, or the mesh cannot resolve it"
     )
+    FOLDED = "stopped: the cloth folds between the integration points; the mesh is too coarse"
     STEP_BUDGET = "stopped: the budget of Newton steps is used up"
     TIME_BUDGET = "stopped: the budget of seconds is used up"
     CALLBACK = "stopped: the callback asked for it"

@@ -83,12 +83,14 @@ def feasible_start(problem, recorder):
 
     for scale in sorted(1.25 ** np.arange(-30.0, 31.0), key=lambda s: abs(np.log(s))):
         psi.data = float(scale) * given
-        if (least_slacks() > 0).all():
+        if (least_slacks() > 0).all() and np.isfinite(problem.cost()):
             break
     else:
         psi.data = given
-        worst = problem.slack_names[int(np.argmin(least_slacks()))]
-        allowed = f"a map of which some multiple respects the limit of {worst}"
+        allowed = "a map of which some multiple has finite energy"
+        if problem.slack_names:
+            worst = problem.slack_names[int(np.argmin(least_slacks()))]
+            allowed += f" and respects the limit of {worst}"
         raise InputError("start", problem.scene.start, allowed)
     room = np.minimum(0.1, least_slacks() / 2)
     while problem.cost() > STRETCHED * problem.area:
@@ -105,7 +107,8 @@ class Iterate:
     """ψ, η, slack variables s and multipliers z, moved by primal-dual Newton steps.
 
     The slack variables stay positive all the way; c(ψ) = s, like equilibrium, holds at the end.
-    Steps that keep c itself positive are cut by its curvature, and take three times as many.
+    Steps that keep c itself positive are cut by its curvature: on the hemisphere at ks = 100, maxh
+    0.07, they did not end within 120 where these take 48.
 
     Parameters
     ----------
@@ -211,7 +214,7 @@ class Iterate:
             psi_step.FV().NumPy()[problem.psi_dofs.stop :] = 0
             curvature = psi_step.InnerProduct((matrix * psi_step).Evaluate())
             size = psi_step.InnerProduct((problem.flow * psi_step).Evaluate())
-            if curvature > 1e-8 * size or recorder.exhausted:
+            if curvature > 1e-8 * size or recorder.exhausted or self.rate > LARGEST_RATE:
                 return
             self.rate = max(4 * self.rate, FIRST_RATE)
 

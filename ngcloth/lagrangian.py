@@ -6,6 +6,7 @@ import ngsolve as ngs
 import numpy as np
 from ngsolve.comp import IntegrationRuleSpace
 
+from .errors import InputError
 from .kinematics import Kinematics, gradient
 
 
@@ -162,6 +163,9 @@ class Lagrangian:
     def _frozen(self, expression):
         values = ngs.GridFunction(self.points)
         values.Interpolate(expression.Compile())
+        if not np.isfinite(values.vec.FV().NumPy()).all():
+            allowed = "finite with its derivatives at all integration points"
+            raise InputError("chart", self.scene.surface.chart, allowed)
         return values
 
     def _frozen_symmetric(self, tensor):

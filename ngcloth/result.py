@@ -77,18 +77,24 @@ class Result:
         the integration rule; the keys are "stretch1", "stretch2", "shear", "reaction" and
         "jacobian". Shear counts in all mirror images.
         """
+        extrema = {name: self._range(name) for name in self._fields}
+        if self.scene.symmetric:
+            low, high = extrema["shear"]
+            extrema["shear"] = min(low, -high), max(high, -low)
+        return extrema
+
+    @property
+    def unfolded(self):
+        """Whether J > 0 all over the lattice of `extrema`."""
+        return self._range("jacobian")[0] > 0
+
+    def _range(self, name):
         n = 2 * self.settings["order"] + 2
         lattice = [(i / n, j / n) for i in range(n + 1) for j in range(n + 1 - i)]
         rule = ngs.IntegrationRule(lattice, [0.0] * len(lattice))
         points = self._mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)
-        extrema = {}
-        for name, expression in self._fields.items():
-            values = expression.Compile()(points)
-            low, high = float(values.min()), float(values.max())
-            if name == "shear" and self.scene.symmetric:
-                low, high = min(low, -high), max(high, -low)
-            extrema[name] = (low, high)
-        return extrema
+        values = self._fields[name].Compile()(points)
+        return float(values.min()), float(values.max())
 
     def psi(self, theta1, theta2):
         """Flat position of parameter points.

@@ -173,10 +173,12 @@ def solve(
             raise
         reason = Reason.INTERRUPTED
     result = outcome(reason)
+    if result.converged and not result.unfolded:
+        result = outcome(Reason.FOLDED)
     if checkpoint and result.converged:
         checkpoint.remove()
     if log:
-        log(str(reason))
+        log(str(result.reason))
     if throw and not result.converged:
         raise SolveError(result)
     return result

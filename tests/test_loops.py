@@ -187,3 +187,19 @@ def test_paper_schedule_with_limits():
     assert paper.newton_iterations > 3 * ours.newton_iterations
     assert [row.phase for row in paper.history][0] == "saddle"
     assert paper.history[0].mu == 10.0 and paper.history[-1].mu == 1e-2
+
+
+def test_folded_between_the_points_is_not_converged():
+    """Few triangles on a long ellipsoid: J > 0 at the integration points, and not beside them."""
+
+    def chart(x, y):
+        square = x * x + y * y
+        return 2 * x / (1 + square), 2 * y / (1 + square), 10 * (1 - square) / (1 + square)
+
+    surface = ngcloth.Surface(chart, ngcloth.Disk())
+    limits = (ngcloth.Elongation(),)
+    scene = Scene(surface, ngcloth.Net(ks=1.0), limits, symmetric=True)
+    result = solve(scene, maxh=0.25, max_steps=250)
+    assert not result.converged or result.certificate().jacobian > 0
+    if result.reason is Reason.FOLDED:
+        assert not result.unfolded and "folds" in str(result)

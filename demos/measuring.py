@@ -1,0 +1,119 @@
+"""For `work_precision.py`: one solve in a process of its own, and its distance from a reference.
+
+A process of its own makes peak memory that of the solve (and of the imports), and keeps one solve's
+libraries, caches and fragmentation from the next one's time.
+"""
+
+import multiprocessing
+import resource
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+
+import ngsolve as ngs
+import numpy as np
+
+import ngcloth
+from ngcloth import scenes
+from ngcloth.chebyshev import ChebyshevNet
+
+SCENES = {"hemisphere, Chebyshev": lambda: scenes.hemisphere()}
+SCENES |= {f"hemisphere, ks = {ks}": lambda ks=ks: scenes.hemisphere(ks) for ks in (1, 10, 100)}
+SCENES |= {f"hemicatenoid, ks = {ks}": lambda ks=ks: scenes.hemicatenoid(ks) for ks in (1, 100)}
+SCENES["sphere, p = 0.85"] = lambda: scenes.sphere(0.85, shear_limit=np.cos(np.pi / 6))
+SCENES |= {
+    f"obstacle, ks = {ks}": lambda ks=ks: scenes.hemicatenoid(ks, obstacle=True) for ks in (1, 100)
+}
+SHORT = 0.5  # repeat solves shorter than this many seconds, and take the best
+INSIDE = 0.9  # of the way from the centre to the rim: stretches are compared there
+PEER = "IPOPT"
+
+
+def in_its_own_process(scene, curve, **settings):
+    """What `solve` returns, from a new process."""
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, mp_context=spawn) as pool:
+        return pool.submit(solve, scene, curve, **settings).result()
+
+
+def solve(name, curve, **settings):
+    """Solve a scene of `SCENES`, repeatedly if that is quick, by ngcloth or by its peer.
+
+    Returns a row, and the probes {"outline": (n, 2), "stretch": (m, 2)} at fixed points.
+    """
+    ngs.SetNumThreads(1)
+    scene, run = SCENES[name](), peer if curve == PEER else own
+    ngcloth.solve(scene, maxh=scene.surface.domain.diameter / 4, max_steps=1)  # loads libraries
+    runs = []
+    while len(runs) < 3 and (not runs or min(runs)[0] < SHORT):
+        cpu, wall = time.process_time(), time.perf_counter()
+        result, seconds = run(scene, settings)
+        cpu = time.process_time() - cpu if seconds is None else seconds
+        runs.append((cpu, time.perf_counter() - wall))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    row = {
+        "scene": name,
+        "curve": curve,
+        "order": result.settings["order"],
+        "maxh": result.settings["maxh"],
+        "triangles": result.state.space.mesh.ne,
+        "dofs": result.state.space.ndof,
+        "energy": result.normalized_energy,
+        "newton_steps": result.newton_iterations,
+        "cpu_seconds": min(runs)[0],
+        "wall_seconds": min(runs)[1],
+        "peak_megabytes": peak / (2**20 if sys.platform == "darwin" else 2**10),
+        "reason": result.reason.name,
+    }
+    return row, probe(result)
+
+
+def own(scene, settings):
+    """Result; its seconds are those of the whole call. `cpu_budget` is in seconds."""
+    settings = dict(settings)
+    end = time.process_time() + settings.pop("cpu_budget", np.inf)
+    watch = (lambda _: time.process_time() > end) if end < np.inf else None
+    return ngcloth.solve(scene, callback=watch, **settings), None
+
+
+def peer(scene, settings):
+    """Result, and CPU seconds of IPOPT alone: without mesh, set-up and compilation of kernels."""
+    from ipopt_peer import solve_with_ipopt
+
+    result = solve_with_ipopt(scene, **settings).result
+    return result, result.seconds
+
+
+def probe_points(scene):
+    """Rim points, and points inside."""
+    domain = scene.surface.domain
+    inside = domain.sample(15)[: -4 * 15]  # the last ones are on the rim
+    return domain.rim(400), domain.centre + INSIDE * (inside - domain.centre)
+
+
+def probe(result):
+    """Outline and stretches at `probe_points`; the outline about its centre."""
+    rim, inside = probe_points(result.scene)
+    outline = result.psi(*rim.T)
+    stretch = [result.field(name, *inside.T) for name in ("stretch1", "stretch2")]
+    return {"outline": outline - outline.mean(axis=0), "stretch": np.stack(stretch, axis=-1)}
+
+
+def exact(name):
+    """Reference of a Chebyshev scene: E = 0, λ = 1, the outline from its hyperbolic equation."""
+    rim, inside = probe_points(SCENES[name]())
+    net = ChebyshevNet.symmetric(SCENES[name]().surface)
+    outline = np.copysign(net.material(np.abs(rim)), rim)
+    outline -= outline.mean(axis=0)
+    return {"energy": 0.0}, {"outline": outline, "stretch": np.ones_like(inside)}
+
+
+def errors(row, probes, reference):
+    """Of energy, outline (largest) and stretch (root mean square), absolute, against another."""
+    other, expected = reference
+    distance = np.linalg.norm(probes["outline"] - expected["outline"], axis=1)
+    return {
+        "energy_error": abs(row["energy"] - other["energy"]),
+        "outline_error": float(distance.max()),
+        "stretch_error": float(np.sqrt(np.mean((probes["stretch"] - expected["stretch"]) ** 2))),
+    }

@@ -317,7 +317,8 @@ def _explained():
 
 
 MINIMA = [
-    "What each start leads to, lowest first on each mesh; (s1, s2) is ψ = (s1 θ1, s2 θ2).",
+    "What each start leads to, lowest first on each mesh; (s1, s2) is ψ = (s1 θ1, s2 θ2). With the "
+    "obstacle, digits at rounding error may decide, so that one thread is used throughout.",
     "",
     "*Sphere.* No start without the symmetry between warp and weft, or without any, has led to "
     "less energy than the paper's, (0.1, 0.1), on the same mesh: to the same patch, or to a higher "

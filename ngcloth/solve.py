@@ -213,9 +213,11 @@ def _same_minimum(one, other):
     if one.converged != other.converged:
         return False
     near = abs(one.energy - other.energy) <= 1e-3 * max(one.energy, other.energy)
-    outline = one.outline(100)
-    apart = np.abs(outline - other.outline(100)).max()
-    return near and apart <= 1e-2 * np.abs(outline).max()
+    # Up to a translation, which without symmetry is free.
+    here, there = (
+        outline - outline.mean(axis=0) for outline in (one.outline(100), other.outline(100))
+    )
+    return near and np.abs(here - there).max() <= 1e-2 * np.abs(here).max()
 
 
 def make_mesh(scene, maxh, order):

@@ -187,7 +187,7 @@ class Iterate:
         target = self.mu / self.s
         np.clip(self.z, target / DUAL_RANGE, target * DUAL_RANGE, out=self.z)
         if length > 0.5:
-            self.rate /= 3
+            self.rate /= 2
         elif length < 0.1:
             self.rate *= 4
         self.rate = min(max(self.rate, LEAST_RATE), LASTING_RATE)

@@ -85,6 +85,7 @@ def test_a_tenth_of_the_table(tmp_path):
     with open(tmp_path / "stability.csv", newline="", encoding="utf-8") as file:
         found = list(csv.DictReader(file))
     posed = [row for row in found if row["expected"] == SOLVES]
+    assert not any(map(stability.wrong, found))
     assert len(found) == len(CASES) // 10 + 1
-    assert sum(row["outcome"] == "CONVERGED" for row in posed) >= 0.85 * len(posed)
+    assert sum(row["outcome"] == "CONVERGED" for row in posed) >= 0.95 * len(posed)
     assert "## Summary" in (tmp_path / "stability.md").read_text(encoding="utf-8")

@@ -10,11 +10,13 @@ import os
 import re
 import sys
 import warnings
+from contextlib import nullcontext, suppress
 from functools import partial
 from pathlib import Path
 
 from .errors import InputError
 from .history import Reason
+from .progress import ProgressBar
 from .result import Result
 from .scenes import NAMED
 from .solve import solve
@@ -99,7 +101,7 @@ def _parser():
         _add_options(one.add_argument_group("the scene"), make, texts | _documented(make))
         group = one.add_argument_group("the solve")
         _add_options(group, solve, _documented(solve), SETTINGS)
-        group.add_argument("--quiet", action="store_true", help="No line for each step.")
+        group.add_argument("--quiet", action="store_true", help="No line for each step, no bar.")
         group = one.add_argument_group("the outcome")
         text = f"Folder for {', '.join(FILES)}. Default %(default)s."
         group.add_argument("--out", default="out", metavar="folder", help=text)
@@ -142,9 +144,11 @@ def _solve_and_write(arguments):
     make = NAMED[arguments.scene]
     scene = make(**chosen(inspect.signature(make).parameters))
     folder = _checked_folder(arguments.out)
+    bar = None if arguments.quiet else _progress_bar()
     # Lines appear as they come, and not in blocks, where the output goes to a file.
-    log = None if arguments.quiet else partial(print, flush=True)
-    result = solve(scene, log=log, **chosen(SETTINGS))
+    log = None if arguments.quiet else bar.print if bar else partial(print, flush=True)
+    with bar or nullcontext():
+        result = solve(scene, log=log, callback=bar, **chosen(SETTINGS))
     print(result, flush=True)
     if result.reason is Reason.INTERRUPTED:
         raise KeyboardInterrupt
@@ -156,6 +160,14 @@ def _solve_and_write(arguments):
     if failed:
         return BAD_INPUT
     return CONVERGED if result.converged else NOT_CONVERGED
+
+
+def _progress_bar():
+    """A bar below the lines, if there is a terminal to draw it on and tqdm to draw it; or None."""
+    if sys.stderr.isatty():
+        with suppress(ImportError):
+            return ProgressBar()
+    return None
 
 
 def _checked_folder(out):

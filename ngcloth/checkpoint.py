@@ -3,7 +3,7 @@
 import json
 import os
 import zipfile
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from pathlib import Path
 
 import numpy as np
@@ -70,7 +70,7 @@ class Checkpoint:
             identity, state, rows = str(found["identity"]), found["state"], []
             for phase, numbers in zip(found["phases"], found["numbers"], strict=True):
                 row = Row(str(phase), *numbers.tolist())
-                rows.append(Row(*astuple(row)[:-2], int(row.newton), row.seconds))
+                rows.append(replace(row, newton=int(row.newton), active=int(row.active)))
             rows[-1]
         except (
             OSError,

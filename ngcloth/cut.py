@@ -1,6 +1,7 @@
 """The cut pattern as a file at true scale: SVG, DXF, and the table of its pinning marks."""
 
 import csv
+import inspect
 from xml.etree import ElementTree
 
 import numpy as np
@@ -20,17 +21,32 @@ CAP_HEIGHT = 0.72  # of a font, in its size
 INKSCAPE = "http://www.inkscape.org/namespaces/inkscape"
 
 
-def write_svg(path, result, *, marks_csv=None, **options):
-    """Write the cut pattern of a result as SVG, one user unit being one mm.
+def _with_pattern_options(write):
+    """Put the options of `cut_pattern` in the place of ``**options``, for ``help`` to show."""
+    own, source = inspect.signature(write).parameters, inspect.signature(cut_pattern).parameters
+    shown = [each for each in own.values() if each.kind is not each.VAR_KEYWORD]
+    shown += [each for each in source.values() if each.kind is each.KEYWORD_ONLY]
+    write.__signature__ = inspect.Signature(shown)
+    if write.__doc__:  # python -OO leaves none
+        told = inspect.cleandoc(cut_pattern.__doc__).partition("result : Result\n")[2]
+        head = inspect.cleandoc(write.__doc__).partition("**options\n")[0]
+        write.__doc__ = head + told.replace("Returns\n-------\nPattern\n\n", "")
+    return write
 
-    Each layer is a group with the id of the layer, and a layer of Inkscape.
+
+@_with_pattern_options
+def export_svg(result, path, *, marks_csv=None, **options):
+    """Write the cut pattern at true scale as SVG, one user unit being one mm.
+
+    The layers are "cut", "seam", "warp", "weft", "mark" and "text"; each is a group with this id,
+    and a layer of Inkscape. Needs the extra ``cut``.
 
     Parameters
     ----------
-    path : path
     result : Result
+    path : path
     marks_csv : path, optional
-        Where to write the pinning marks as well, see `write_marks`.
+        Where to write the pinning marks as a table as well: flat position, θ, position in space.
     **options
         As for `ngcloth.pattern.cut_pattern`.
     """
@@ -60,28 +76,34 @@ def write_svg(path, result, *, marks_csv=None, **options):
         write_marks(marks_csv, pattern.marks)
 
 
-def write_dxf(path, result, *, marks_csv=None, **options):
-    """Write the cut pattern of a result as DXF (R2010), in mm.
+@_with_pattern_options
+def export_dxf(result, path, *, marks_csv=None, **options):
+    """Write the cut pattern at true scale as DXF (R2004), in mm.
+
+    The layers are "cut", "seam", "warp", "weft", "mark" and "text". Needs the extra ``cut``.
 
     Parameters
     ----------
-    path : path
     result : Result
+    path : path
     marks_csv : path, optional
-        Where to write the pinning marks as well, see `write_marks`.
+        Where to write the pinning marks as a table as well: flat position, θ, position in space.
     **options
         As for `ngcloth.pattern.cut_pattern`.
     """
     ezdxf = require("ezdxf")
     pattern = cut_pattern(result, **options)
-    document = ezdxf.new("R2010", units=ezdxf.units.MM)
+    # The last version whose encoding is the one its header names: not all readers know that later
+    # ones are UTF-8 whatever theirs says.
+    document = ezdxf.new("R2004", units=ezdxf.units.MM)
     document.header["$MEASUREMENT"] = 1  # metric
     document.styles.new("label", dxfattribs={"font": "arial.ttf"})  # has Greek letters
     space = document.modelspace()
     for name, items in pattern.layers.items():
         rgb, number, line_width = LAYERS[name]
         layer = document.layers.add(name, color=number, lineweight=round(100 * line_width))
-        layer.rgb = rgb
+        if number != 7:  # which is black or white, whichever shows on the screen
+            layer.rgb = rgb
         for item in items:
             _add_to_dxf(space, item, name)
     low, high = pattern.box

@@ -18,7 +18,9 @@ def adaptive_flow(problem, recorder, phase, tolerance):
     Parameters
     ----------
     problem : Lagrangian
+        Its `state` is moved.
     recorder : Recorder
+        Takes each accepted step, and keeps the budget.
     phase : str
         The name of this stage in the history.
     tolerance : float
@@ -52,6 +54,7 @@ def adaptive_flow(problem, recorder, phase, tolerance):
                 1 / rate,
                 value,
                 step.decrement * recorder.unit,
+                length=step.length,
                 sight=sight,
                 boost=boost,
             )
@@ -80,7 +83,7 @@ def fixed_flow(problem, recorder, phase, tolerance, time_step=0.1):
     anchor = problem.state.vec.CreateVector()
     while not recorder.exhausted:
         anchor.data = problem.state.vec
-        before = problem.value()
+        before, length = problem.value(), 1.0
         while not recorder.exhausted:
             step = newton_step(problem, 1 / time_step, anchor)
             recorder.newton += 1
@@ -88,8 +91,10 @@ def fixed_flow(problem, recorder, phase, tolerance, time_step=0.1):
                 break
             if step.length == 0:
                 return Reason.STALLED
-        slope = (before - problem.value()) / time_step
-        recorder.record(problem, phase, time_step, problem.value(), slope * recorder.unit)
+            length = min(length, step.length)
+        value = problem.value()
+        slope = (before - value) / time_step
+        recorder.record(problem, phase, time_step, value, slope * recorder.unit, length=length)
         if recorder.unit * slope <= tolerance:
             return Reason.CONVERGED
     return recorder.why

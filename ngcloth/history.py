@@ -1,6 +1,7 @@
 """What happened on the way: one row per step, why it ended, and the budget."""
 
 import enum
+import math
 import time
 from dataclasses import dataclass, fields
 
@@ -53,6 +54,12 @@ class Row:
         Newton steps so far, refused ones included.
     seconds : float
         Wall-clock time since the solve began.
+    length : float
+        The fraction in (0, 1] of the Newton step that was accepted; the least, where a step Δt
+        takes several.
+    active : int
+        Sampling points of the meshed domain at which a limit is active, its multiplier larger than
+        its slack, counted for each limit; 0 without limits.
     """
 
     phase: str
@@ -64,20 +71,24 @@ class Row:
     residual: float
     newton: int
     seconds: float
+    # Last and with defaults, as files written before they were kept have neither.
+    length: float = math.nan
+    active: int = 0
 
     def __str__(self):
         return (
             f"{self.newton:5d}  {self.phase:9s}  {self.mu:8.1e}  {self.step:8.1e}  "
-            f"{self.energy:10.4e}  {self.lagrangian:11.4e}  "
-            f"{self.residual:8.1e}  {self.seconds:7.2f}"
+            f"{self.energy:10.4e}  {self.lagrangian:11.4e}  {self.residual:8.1e}  "
+            f"{self.length:7.1e}  {self.active:6d}  {self.seconds:7.2f}"
         )
 
     @staticmethod
     def header():
         """The line to print above rows."""
         return (
-            f"{'steps':>5s}  {'phase':9s}  {'mu':>8s}  {'dt':>8s}  "
-            f"{'E/2πkc':>10s}  {'L/2πkc':>11s}  {'residual':>8s}  {'seconds':>7s}"
+            f"{'steps':>5s}  {'phase':9s}  {'μ':>8s}  {'Δt':>8s}  "
+            f"{'E/2πkc':>10s}  {'L/2πkc':>11s}  {'residual':>8s}  "
+            f"{'length':>7s}  {'active':>6s}  {'seconds':>7s}"
         )
 
 
@@ -104,6 +115,7 @@ class Recorder:
     """
 
     columns = tuple(field.name for field in fields(Row))
+    first_columns = columns[:-2]  # in files written before `length` and `active` were kept
 
     def __init__(self, unit, max_steps, log, max_seconds=np.inf, after_step=None, checkpoint=None):
         self.unit, self.max_steps, self.log, self.max_seconds = unit, max_steps, log, max_seconds
@@ -131,7 +143,7 @@ class Recorder:
         """Wall-clock time that the solve has taken."""
         return time.perf_counter() - self._begin
 
-    def record(self, problem, phase, step, lagrangian, residual, **memory):
+    def record(self, problem, phase, step, lagrangian, residual, *, length=1.0, active=0, **memory):
         """Add the row of a step Δt = `step` that has just been accepted.
 
         `memory` is what the loop needs to go on from here, numbers and arrays.
@@ -147,6 +159,8 @@ class Recorder:
             residual=residual,
             newton=self.newton,
             seconds=self.seconds,
+            length=length,
+            active=active,
         )
         self.rows.append(row)
         self._state = problem.state.vec.FV().NumPy().copy()

@@ -53,10 +53,11 @@ def interior_point(problem, recorder, last_mu):
             continue
         if iterate.mu <= last_mu and error <= iterate.mu and iterate.c.min(initial=1) > 0:
             return Reason.CONVERGED
-        rate, accepted = iterate.step(recorder)
-        if accepted:
+        rate, length = iterate.step(recorder)
+        if length > 0:
+            told = {"length": length, "active": int((iterate.z > iterate.s).sum())}
             value = iterate.lagrangian()
-            recorder.record(problem, "barrier", 1 / rate, value, error, **iterate.memory())
+            recorder.record(problem, "barrier", 1 / rate, value, error, **told, **iterate.memory())
         elif iterate.refusals > REFUSALS:
             return Reason.BLOCKED
     return recorder.why
@@ -172,7 +173,7 @@ class Iterate:
         )
 
     def step(self, recorder):
-        """Try one step. Returns its 1/Δt and whether the iterate has moved."""
+        """Try one step. Returns its 1/Δt and its accepted length, 0 if it was refused."""
         problem = self.problem
         self._compute_direction(recorder)
         ds = problem.slack_changes() + self.c - self.s
@@ -181,7 +182,7 @@ class Iterate:
         if length == 0:
             self.rate = min(max(8 * self.rate, FIRST_RATE), LARGEST_RATE)
             self.refusals += 1
-            return used, False
+            return used, 0.0
         self.refusals = 0
         self.z += _to_boundary(self.z, dz) * dz
         target = self.mu / self.s
@@ -191,7 +192,7 @@ class Iterate:
         elif length < 0.1:
             self.rate *= 4
         self.rate = min(max(self.rate, LEAST_RATE), LASTING_RATE)
-        return used, True
+        return used, length
 
     def _compute_direction(self, recorder):
         """Solve for the step, with a rate at which its part in ψ has positive curvature."""

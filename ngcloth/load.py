@@ -38,6 +38,7 @@ def load(folder, scene=None):
     Parameters
     ----------
     folder : path
+        Written by `Result.save`.
     scene : Scene, optional
         The scene that was solved; needed unless it is one of `ngcloth.scenes`, unchanged.
 
@@ -214,7 +215,7 @@ def _state(scene, mesh, settings, fields):
 
 def _history(data):
     rows = list(csv.reader(io.StringIO(data.decode("utf-8"), newline="")))
-    if tuple(rows[0]) != Recorder.columns:
+    if tuple(rows[0]) not in (Recorder.columns, Recorder.first_columns):
         raise ValueError(f"its columns are not {', '.join(Recorder.columns)}")
-    types = [field.type for field in Row.__dataclass_fields__.values()]
+    types = [Row.__dataclass_fields__[name].type for name in rows[0]]
     return [Row(*(kind(text) for kind, text in zip(types, row, strict=True))) for row in rows[1:]]

@@ -99,13 +99,15 @@ def cut_pattern(result, *, unit_mm=100.0, pitch=10.0, seam=0.0, marks=12, tolera
     ----------
     result : Result
     unit_mm : float, optional
-        Scale: how many mm one unit of length of the surface is. Default 100.
+        Scale: how many mm one unit of length of the surface is. Default 100. The label of the
+        pattern states it, and a square of 100 mm lets one check the print.
     pitch : float, optional
         Distance in mm between the threads drawn, which lie at its multiples. Default 10.
     seam : float, optional
-        Seam allowance in mm, a true offset of the outline with round corners. Default 0: none.
+        Seam allowance in mm: the cut is the outline, offset by it with round corners, and the
+        outline itself is in the layer "seam". Default 0: the cut is the outline.
     marks : int, optional
-        Number of pinning marks, see `pinning_marks`. Default 12; 0 leaves them out.
+        Number of pinning marks along the rim, see `pinning_marks`. Default 12.
     tolerance : float, optional
         How far in mm the polylines may be from the rim of the patch and from its offset. By
         default 0.01, or less where the area would change by more than 2e-5 of itself.
@@ -122,9 +124,9 @@ def cut_pattern(result, *, unit_mm=100.0, pitch=10.0, seam=0.0, marks=12, tolera
     Raises
     ------
     InputError
-        If an argument is out of bounds.
+        If an argument is out of bounds; before any file is written.
     ImportError
-        If shapely is missing.
+        If a package of the extra ``cut`` is missing.
     """
     check_number("unit_mm", unit_mm, 0, open_low=True)
     check_number("pitch", pitch, 0, open_low=True)
@@ -261,7 +263,7 @@ def _distance(point, start, end):
 
 
 def _warn(result, outline, region):
-    """Say what is wrong with the patch, to the caller of the caller of `cut_pattern`."""
+    """Say what is wrong with the patch, to the caller of an export."""
     shapely = require("shapely")
     flaws = []
     if not result.converged:
@@ -280,7 +282,7 @@ def _warn(result, outline, region):
         where = f"for instance at ({place.x:.1f}, {place.y:.1f}) mm"
         flaws.append(f"the patch has parts narrower than {NARROW:g} mm, {where}")
     for flaw in flaws:
-        warnings.warn(flaw, UserWarning, stacklevel=5)
+        warnings.warn(flaw, UserWarning, stacklevel=4)
 
 
 def _offset(region, distance, tolerance):

@@ -6,6 +6,7 @@ from functools import cached_property
 import ngsolve as ngs
 import numpy as np
 
+from .cut import export_dxf, export_svg
 from .equilibrium import equilibrium_residual
 from .errors import InputError
 from .history import Reason
@@ -152,76 +153,8 @@ class Result:
         """
         return self.psi(*self.scene.surface.domain.rim(n).T)
 
-    def export_svg(
-        self, path, *, unit_mm=100.0, pitch=10.0, seam=0.0, marks=12, tolerance=None, marks_csv=None
-    ):
-        """Write the cut pattern at true scale as SVG, one user unit being one mm.
-
-        The layers are "cut", "seam", "warp", "weft", "mark" and "text". Needs the extra ``cut``.
-
-        Parameters
-        ----------
-        path : path
-        unit_mm : float, optional
-            Scale: how many mm one unit of length of the surface is. Default 100. The label of the
-            pattern states it, and a square of 100 mm lets one check the print.
-        pitch : float, optional
-            Distance between the threads drawn, in mm. Default 10.
-        seam : float, optional
-            Seam allowance in mm: the cut is the outline, offset by it with round corners, and the
-            outline itself is in the layer "seam". Default 0: the cut is the outline.
-        marks : int, optional
-            Number of pinning marks along the rim, see `ngcloth.pattern.pinning_marks`. Default 12.
-        tolerance : float, optional
-            How far in mm the polylines may be from the true curves. By default 0.01, or less where
-            the area would change by more than 2e-5 of itself.
-        marks_csv : path, optional
-            Where to write the marks as a table: flat position, θ, position in space (mm).
-
-        Warns
-        -----
-        UserWarning
-            If the patch overlaps itself, has parts narrower than 2 mm, or has not converged.
-
-        Raises
-        ------
-        InputError
-            If an argument is out of bounds; before any file is written.
-        ImportError
-            If shapely is missing.
-        """
-        from .cut import write_svg
-
-        write_svg(
-            path,
-            self,
-            unit_mm=unit_mm,
-            pitch=pitch,
-            seam=seam,
-            marks=marks,
-            tolerance=tolerance,
-            marks_csv=marks_csv,
-        )
-
-    def export_dxf(
-        self, path, *, unit_mm=100.0, pitch=10.0, seam=0.0, marks=12, tolerance=None, marks_csv=None
-    ):
-        """Write the cut pattern at true scale as DXF, in mm.
-
-        Arguments, warnings and errors are those of `export_svg`; it needs ezdxf as well.
-        """
-        from .cut import write_dxf
-
-        write_dxf(
-            path,
-            self,
-            unit_mm=unit_mm,
-            pitch=pitch,
-            seam=seam,
-            marks=marks,
-            tolerance=tolerance,
-            marks_csv=marks_csv,
-        )
+    export_svg = export_svg
+    export_dxf = export_dxf
 
     def plot(self, field=None, where="patch", ax=None):
         """Draw the threads, over a field if one is named, with matplotlib.

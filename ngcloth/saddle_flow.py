@@ -23,6 +23,7 @@ def saddle_flow(problem, recorder, last_mu, tolerance):
     problem : ConstrainedLagrangian
         Its `state` is moved; the slacks stay positive.
     recorder : Recorder
+        Takes each accepted step, and keeps the budget.
     last_mu : float
         The barrier weight, relative to kc, at which to stop.
     tolerance : float
@@ -41,12 +42,14 @@ def saddle_flow(problem, recorder, last_mu, tolerance):
     while not recorder.exhausted:
         anchor.data = problem.state.vec
         before = _lagrangian(problem)
-        if not _euler_step(problem, recorder, anchor, relaxed):
+        length = _euler_step(problem, recorder, anchor, relaxed)
+        if length == 0:
             return recorder.why if recorder.exhausted else Reason.STALLED
         now = _lagrangian(problem)
         slope = recorder.unit * abs(now - before) / TIME_STEP
         phase, memory = "saddle" if relaxed else "flow", {"mu": problem.mu, "relaxed": relaxed}
-        recorder.record(problem, phase, TIME_STEP, now, slope, **memory)
+        told = {"length": length, "active": int((problem.slacks() ** 2 < problem.mu).sum())}
+        recorder.record(problem, phase, TIME_STEP, now, slope, **told, **memory)
         if slope <= tolerance:
             if problem.mu <= last_mu:
                 return Reason.CONVERGED
@@ -60,7 +63,10 @@ def _lagrangian(problem):
 
 
 def _euler_step(problem, recorder, anchor, relaxed):
-    """Solve one backward Euler equation by damped Newton steps. Returns whether that succeeded."""
+    """Solve one backward Euler equation by damped Newton steps.
+
+    Returns the least accepted length of these; 0 if they did not succeed.
+    """
     state = problem.state.vec
     residual, before, pull = (state.CreateVector() for _ in range(3))
     inertia = [(problem.flow, 1.0)] + ([(problem.eta_flow, -1.0)] if relaxed else [])
@@ -78,6 +84,7 @@ def _euler_step(problem, recorder, anchor, relaxed):
         return problem.dual_norm(residual)
 
     first = error = size()
+    least = 1.0
     for _ in range(NEWTON):
         if error <= RESIDUAL * first or recorder.exhausted:
             break
@@ -96,6 +103,6 @@ def _euler_step(problem, recorder, anchor, relaxed):
         else:
             state.data = before
             size()
-            return False
-        error = new
-    return error <= 1e-2 * first
+            return 0.0
+        error, least = new, min(least, length)
+    return least if error <= 1e-2 * first else 0.0

@@ -41,6 +41,7 @@ def save(result, folder):
     Parameters
     ----------
     result : Result
+        Converged or not.
     folder : path
         Made with its parents. An empty folder, or one that holds nothing but a saved result, is
         replaced; at any moment the old result or the new one is there, whole, for `load`.

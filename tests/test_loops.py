@@ -13,6 +13,7 @@ import pytest
 
 import ngcloth
 from ngcloth import Reason, Scene, solve
+from ngcloth.constrained import ConstrainedLagrangian
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
 
 SCENES = {"Chebyshev": (hemicatenoid(), 0.3), "limits": (hemisphere(10.0), 0.3)}
@@ -61,6 +62,40 @@ def test_interrupt_returns_the_last_accepted_step(case):
     assert result.reason is Reason.INTERRUPTED and len(result.history) == 4
     assert np.isfinite(result.energy) and result.extrema["jacobian"][0] > 0
     assert not np.array_equal(result.state.vec.FV().NumPy(), third[0])
+
+
+# What the rows tell -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("schedule", ["adaptive", "paper"])
+def test_lengths_and_active_limits(schedule):
+    """As the barrier weakens, limits are active at fewer points; at the end where s² < μ."""
+    lines = []
+    scene, settings = hemisphere(10.0), {"maxh": 0.5, "barrier_end": 1e-2, "tolerance": 1e-2}
+    result = solve(scene, schedule=schedule, log=lines.append, **settings)
+    rows, settings = result.history, result.settings
+    assert result.converged and all(0 < row.length <= 1 for row in rows)
+    assert min(row.length for row in rows) < 1 == max(row.length for row in rows)
+    names = ("order", "quadrature", "inverse", "multiplier_order")
+    arguments = (settings[name] for name in names)
+    problem = ConstrainedLagrangian(scene, result.state.space.mesh, *arguments)
+    problem.state.vec.data = result.state.vec
+    slacks = problem.slacks()
+    assert 0 < rows[-1].active < 0.6 * rows[0].active <= 0.6 * slacks.size
+    assert rows[-1].active == pytest.approx((slacks < 0.1).sum(), rel=0.1)
+    header, *printed = (line for line in lines if "start" not in line)
+    columns = header.split()
+    for row, line in zip(rows, printed, strict=False):
+        told = dict(zip(columns, line.split(), strict=True))
+        assert float(told["length"]) == pytest.approx(row.length, rel=0.1)
+        assert int(told["active"]) == row.active and len(line) == len(header) <= 110
+
+
+@pytest.mark.parametrize("schedule", ["adaptive", "paper"])
+def test_without_limits_none_is_active(schedule):
+    rows = solve(hemisphere(), maxh=0.4, schedule=schedule, tolerance=1e-3).history
+    assert all(row.active == 0 and 0 < row.length <= 1 for row in rows)
+    assert rows[-1].length == 1
 
 
 # Checkpoints --------------------------------------------------------------------------------
@@ -113,6 +148,19 @@ def test_killed_at_random_times(tmp_path):
     assert result.converged
     whole = solve(hemisphere(10.0), maxh=0.15)
     assert result.energy == pytest.approx(whole.energy, rel=1e-9)
+
+
+def test_checkpoints_without_lengths_are_good(tmp_path):
+    """Those written before rows had `length` and `active`, which were the last columns."""
+    path = tmp_path / "run.npz"
+    cut = solve(hemisphere(10.0), maxh=0.3, checkpoint=path, max_steps=4)
+    with np.load(path) as found:
+        arrays = dict(found)
+    arrays["numbers"] = arrays["numbers"][:, :-2]
+    np.savez(path, **arrays)
+    rest = solve(hemisphere(10.0), maxh=0.3, checkpoint=path)
+    assert rest.converged and rest.history[3].energy == cut.history[3].energy
+    assert np.isnan(rest.history[3].length) and rest.history[4].length > 0
 
 
 def test_foreign_and_damaged_checkpoints(tmp_path):

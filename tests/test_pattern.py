@@ -2,6 +2,8 @@
 
 import csv
 import dataclasses
+import inspect
+import pydoc
 import sys
 import warnings
 
@@ -301,6 +303,28 @@ def test_layers_have_names_and_colours(tmp_path, hemisphere):
     assert len(strokes) == len(colours) == len(LAYERS)
 
 
+def test_dxf_shows_on_dark_and_bright_screens(tmp_path, hemisphere):
+    """Colour 7 is the only one that programs turn from black to white; an RGB value stays."""
+    layers = export(hemisphere, tmp_path, "dxf").document.layers
+    assert layers.get("text").color == 7 and layers.get("text").rgb is None
+    assert layers.get("cut").rgb == (224, 0, 0)
+
+
+def test_dxf_is_written_in_the_encoding_that_it_names(tmp_path, hemisphere):
+    """GDAL, for one, believes the header also where the version of the format says UTF-8.
+
+    What that encoding lacks is written as \\U+ and a number, as AutoCAD does.
+    """
+    named = dataclasses.replace(hemisphere.scene, name="Kuppel für γ > 0")
+    export(dataclasses.replace(hemisphere, scene=named), tmp_path, "dxf")
+    written = (tmp_path / "pattern.dxf").read_bytes()
+    header = written.split(b"$DWGCODEPAGE")[1].split()
+    assert header[1] == b"ANSI_1252"
+    assert " cm²" in written.decode("cp1252")
+    texts = map(ezdxf.decode_dxf_unicode, Dxf(tmp_path / "pattern.dxf").texts("text"))
+    assert "Kuppel für γ > 0" in texts
+
+
 # Warnings, refusals ------------------------------------------------------------------------------
 
 
@@ -357,6 +381,23 @@ def test_bad_options_are_refused_before_a_file_is_written(tmp_path, hemisphere, 
         with pytest.raises(InputError, match=next(iter(wrong))):
             export(hemisphere, tmp_path, kind, **wrong)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("kind", ["svg", "dxf"])
+def test_help_tells_every_option(hemisphere, kind):
+    """Options are written once, at `cut_pattern`, and shown where one looks for them."""
+    method = getattr(hemisphere, f"export_{kind}")
+    shown = inspect.signature(method).parameters
+    options = dict(inspect.signature(cut_pattern).parameters)
+    del options["result"]
+    assert set(shown) == {"path", "marks_csv", *options}
+    told = pydoc.plain(pydoc.render_doc(method))
+    for name, option in options.items():
+        assert shown[name] == option and f"{name}={option.default!r}" in told
+        assert f"\n    {name} : " in told
+    for section in ("Parameters", "Warns", "Raises"):
+        assert told.count(f"{section}\n    ---") == 1
+    assert "**options" not in told and "Returns" not in told
 
 
 @pytest.mark.parametrize("missing, kind", [("shapely", "svg"), ("ezdxf", "dxf")])

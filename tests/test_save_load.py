@@ -188,6 +188,17 @@ def test_npz_holds_the_patch(result, tmp_path):
         assert np.abs(fields["eta"]).max() > 1e-4
 
 
+def test_history_without_lengths(saved):
+    """Files written before rows had `length` and `active`, which are the last columns."""
+    lines = (saved / "history.csv").read_text().splitlines()
+    assert lines[0].endswith("seconds,length,active")
+    (saved / "history.csv").write_text("".join(line.rsplit(",", 2)[0] + "\n" for line in lines))
+    sign(saved)
+    rows, expected = ngcloth.load(saved).history, solved("elastic").history
+    assert [row.energy for row in rows] == [row.energy for row in expected]
+    assert all(np.isnan(row.length) and row.active == 0 for row in rows)
+
+
 # Damage -------------------------------------------------------------------------------------
 
 
@@ -250,6 +261,7 @@ def test_no_json_of_ours(text, saved):
         lambda text: text.replace("phase", "stage", 1),
         lambda text: text.replace("barrier,1.0", "barrier,one"),
         lambda text: text.replace("barrier,1.0", "barrier"),
+        lambda text: text.replace(",active", ""),
         lambda text: "",
     ],
 )

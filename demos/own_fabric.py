@@ -1,14 +1,21 @@
-"""Fabrics, limits and costs of one's own, on the hemisphere.
+"""Fabrics, limits and costs of one's own, on the hemisphere (§2 and §3 with other laws).
 
-Beside the paper's net, W = kc (I4 − 1)² + kc (I6 − 1)² + ks I8² (eq. 25):
+How does the patch ψ(U) change with what the cloth is made of, and with what is asked of it?
 
-- a net with warp twice and weft half as stiff;
+    minimise  ∫ J χ, by default χ = W(I4, I6, I8), any smooth law
+    such that  slacks c(ψ) ≥ 0 hold, and ∫ J S : L_η a = 0 for all η, S = G⁻¹ dW/dC G⁻ᵀ:
+               the pinned cloth is in equilibrium along the surface.
+
+Stress and its derivatives follow from W by symbolic differentiation. Beside the paper's net,
+W = kc (I4 − 1)² + kc (I6 − 1)² + ks I8² (eq. 25) with taut threads, 1 − 1/λ ≥ 0, the table has
+
+- a net with warp twice and weft half as stiff, kc = 2 and ½;
 - threads that lock: W = Σ kc/b (exp(b (I − 1)²) − 1) + ks I8²;
-- a limit of the maker's in place of the taut threads: none is longer than 1.1 times its length;
-- another cost in place of E: χ = kc (γ² + E/100), little shear rather than little stretch, with
-  equilibrium as a constraint.
+- another limit in place of the taut threads: none is longer than 1.1 times its length,
+  c = 1/λ − 1/1.1;
+- another cost in place of W: χ = kc γ² + W/100, little shear rather than little stretch.
 
-Run: python demos/own_fabric.py, which prints a table and writes the outlines to out/own_fabric.
+    python demos/own_fabric.py          # some seconds; a table, and outlines to out/own_fabric
 """
 
 from dataclasses import dataclass, replace

@@ -1,17 +1,22 @@
 """Surfaces of one's own: two caps, and two that cloth covers without any strain.
 
-A surface is a chart, a callable of (θ1, θ2) with three components in NGSolve's functions, and the
-domain of its parameters. Its metric and curvature follow by symbolic differentiation, and nothing
-is asked of the chart: of these four only the cylinder's is conformal, that is, has a = f Id.
+Which flat patch ψ(U) covers a surface φ(U) that is given as a chart? The problem is
 
-A cylinder and a cone unroll to the plane. Whatever the start, the least energy of
+    minimise  E(ψ) = ∫ J (kc (I4 − 1)² + kc (I6 − 1)² + ks I8²)
+    with  C = ∇ψ⁻ᵀ a ∇ψ⁻¹, I4 = C11, I6 = C22, I8 = C12,
 
-    E(ψ) = ∫ J (kc (I4 − 1)² + kc (I6 − 1)² + ks I8²)
+and knows the surface by its metric a = ∇φᵀ∇φ alone. A chart is a callable of (θ1, θ2) with three
+components in NGSolve's functions; a follows by symbolic differentiation, and nothing is asked of
+the chart: of these four only the cylinder's is conformal, that is, has a = f Id.
 
-is zero there, to rounding error, if the elements can represent the unrolled patch. The cylinder's
-is a rectangle, which any order does; the cone's is a sector of an annulus, for which order 10 is
-enough. The cone is given some shear stiffness: with ks = 0 it has a Chebyshev net for every pair
-of crossing threads, and no reason to prefer one.
+On the caps, with ks = 0, E = 0 belongs to a Chebyshev net, and the exact one is computed beside it
+by its hyperbolic equation, θ_uv + Γ(θ)(θ_u, θ_v) = 0.
+
+A cylinder and a cone unroll to the plane. Whatever the start, the least energy is zero there, to
+rounding error, if the elements can represent the unrolled patch. The cylinder's is a rectangle,
+which any order does; the cone's is a sector of an annulus, for which order 10 is enough. The cone
+is given some shear stiffness: with ks = 0 it has a Chebyshev net for every pair of crossing
+threads, and no reason to prefer one.
 """
 
 import sys

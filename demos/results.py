@@ -1,6 +1,11 @@
 """The table of results: every constrained scene on a sequence of meshes, and what it tends to.
 
-Each scene is solved by default settings, μ = 1e-3 kc, on ever finer meshes, and energy and area are
+Which energy and area has the patch of each scene with limits (§5.2-§5.4), and how surely?
+
+    minimise  E(ψ) = ∫ J (kc (I4 − 1)² + kc (I6 − 1)² + ks I8²)
+    such that  λ1, λ2 ≥ 1, |γ| ≤ γmax or τ ≥ 0 where the scene asks for it, and equilibrium.
+
+Each is solved by default settings, μ = 1e-3 kc, on ever finer meshes, and energy and area are
 extrapolated to h → 0:
 
     v(h) = v0 + C h^q, by least squares, q being chosen from 0.5 to 4; three meshes or more
@@ -11,7 +16,7 @@ farther than they have come, tell of local minima that change with the mesh, of 
 or of an error below that of the barrier: v0 is then the finest value, without q, and the bar spans
 the last three.
 
-    python demos/results.py               # a quarter of an hour; writes docs/results.{md,csv}
+    python demos/results.py               # half an hour; writes docs/results.{md,csv}
     python demos/results.py --quick out   # coarse meshes, some seconds, to another folder
 """
 

@@ -1,10 +1,14 @@
 """Ever larger portions of the sphere, until no Chebyshev net covers them (§5.3, Fig. 10).
 
-The portion p of the unit sphere, a cap, is covered by the patch of least E(ψ) with ks = 0. The
-exact net with the symmetry of the axes has the angle g(X1 X2) between its threads, where
-z g'' + g' + sin g = 0 and g(0) = π/2. They become parallel, γ = cos g = 1, on the hyperbola
-X1 X2 = z* = 1.8616, where g has its first zero; the rim meets it at 45° if p = p* = 0.84236. For
-larger portions there is no such net, and the solver says so.
+The portion p of the unit sphere, a cap, is covered by the patch ψ(U) of least
+
+    E(ψ) = ∫ J kc ((I4 − 1)² + (I6 − 1)²),
+
+zero if the threads do not stretch; shearing is free, ks = 0. The exact net with the symmetry of the
+axes has the angle g(X1 X2) between its threads, where z g'' + g' + sin g = 0 and g(0) = π/2. They
+become parallel, γ = cos g = 1, on the hyperbola X1 X2 = z* = 1.8616, where g has its first zero;
+the rim meets it at 45° if p = p* = 0.84236. For larger portions there is no such net, and the
+solver says so.
 
 The threads' angle at the 45° point of the rim falls to zero as p grows to p*. Here p* is found
 from the portions p ≤ 0.82 that have a net, in two ways: where the flat position of the 45° point

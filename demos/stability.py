@@ -1,5 +1,13 @@
 """How far the solver can be pushed: stiff, extreme and badly started scenes, one row each.
 
+Does a solve end at a patch ψ that fulfils, whatever its stiffnesses, surface and start are,
+
+    dE + d(∫ J S : L_η a) − Σ ∫ z dc dA = 0,   ∫ J S : L_v a = 0 for all v,   J > 0,
+    c(ψ) > 0,   z > 0,   c z = μ
+
+for every slack c of its limits, or else with a reason? E and S are as in the other demos, η and z
+the multipliers of equilibrium and limits.
+
 Each row changes one thing of a scene that is easy otherwise: the stiffnesses, the weight at which
 the barrier ends, the limits, the surface, the chart, the mesh, the order or the start. It says how
 the solve ended, what it cost, and what the certificate (`ngcloth.verify`) makes of the patch. A row
@@ -7,7 +15,7 @@ runs in a process of its own with a limit on its time, so that a crash or a hang
 
 Run from the repository (Linux or macOS):
 
-    python demos/stability.py            # ten minutes; docs/stability.csv and docs/stability.md
+    python demos/stability.py            # a quarter of an hour; writes docs/stability.{md,csv}
 """
 
 import csv

@@ -1,10 +1,14 @@
 """Error against run time: ngcloth by default, at other orders and barriers, and its alternatives.
 
-Errors of energy, outline and stretch are taken against the exact Chebyshev net where there is one,
-and else against a far finer solve at order 4 with a weak barrier, whose own error bar is its
-distance from the next coarser one: rows below the bar tell no more. Alternatives are the paper's
-own schedule of barrier and pseudo-time steps, and IPOPT on the same discrete problem (the extra
-`bench`), which goes to the optimum and so compares with a weak barrier.
+How many seconds does a patch ψ of a given error take? The errors are
+
+    |E(ψ) − E(ψ*)|/(2π kc),   max |ψ − ψ*| on the rim,   (mean (λ − λ*)²)^½ over the cloth,
+
+where ψ* is the exact Chebyshev net (E = 0) where there is one, and else that of a far finer solve
+at order 4 with a weak barrier, whose own error bar is its distance from the next coarser one; rows
+below the bar tell no more. Alternatives are the paper's own schedule of barrier and pseudo-time
+steps, and IPOPT on the same discrete problem (the extra `bench`), which goes to the optimum and so
+compares with a weak barrier.
 
     python demos/work_precision.py               # a quarter of an hour; writes docs/ and out/
     python demos/work_precision.py --quick out   # one scene, coarse; all of it to another folder

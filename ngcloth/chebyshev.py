@@ -91,6 +91,10 @@ class ChebyshevNet:
             Default: the arc lengths from the centre to the rim.
         **options
             `blocks` and `degree`.
+
+        Returns
+        -------
+        ChebyshevNet
         """
         (warp, end1), (weft, end2) = (_centre_line(surface, axis) for axis in (0, 1))
         return cls(surface, warp, weft, (end1, end2) if extent is None else extent, **options)
@@ -293,6 +297,11 @@ def sphere_angle(z):
     z : array_like
         Products uv, |z| <= 2. The threads collapse at `SPHERE_COLLAPSE`, where g = 0.
 
+    Returns
+    -------
+    ndarray, of the shape of `z`
+        In radians.
+
     Raises
     ------
     InputError
@@ -310,6 +319,11 @@ def sphere_singular_portion():
     The cap is centred where the geodesic axes cross. By symmetry the diagonal u = v = s is a great
     circle, run through at speed |φ_u + φ_v| = 2 cos(g(s²)/2). Its length α up to the collapse
     s² = z* is a polar angle, and p* = (1 − cos α)/2.
+
+    Returns
+    -------
+    float
+        Area of the cap over area of the sphere.
     """
     x, weights = legendre.leggauss(40)
     end = np.sqrt(SPHERE_COLLAPSE)

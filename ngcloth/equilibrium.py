@@ -12,6 +12,7 @@ def equilibrium_residual(result):
     Parameters
     ----------
     result : Result
+        Converged or not.
 
     Returns
     -------

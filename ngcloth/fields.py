@@ -20,6 +20,7 @@ def vtu(result, path):
     Parameters
     ----------
     result : Result
+        Solved or loaded.
     path : path
         Ends in ".vtu"; the flat patch goes beside it, "cloth.vtu" and "cloth_flat.vtu".
 
@@ -74,6 +75,7 @@ def threads(result, path, pitch):
     Parameters
     ----------
     result : Result
+        Solved or loaded.
     path : path
         Ends in ".vtp"; the flat threads go beside it, "threads.vtp" and "threads_flat.vtp".
     pitch : float
@@ -127,6 +129,7 @@ def surface(result, path):
     Parameters
     ----------
     result : Result
+        Solved or loaded.
     path : path
         Ends in ".stl" or ".obj"; the patch goes beside it, "dome.obj" and "dome_flat.obj".
 
@@ -167,6 +170,7 @@ def fibres(result, path):
     Parameters
     ----------
     result : Result
+        Solved or loaded.
     path : path
         Ends in ".csv".
 
@@ -200,6 +204,7 @@ def element_fields(result, points):
     Parameters
     ----------
     result : Result
+        Its fields are evaluated in each element of its mesh.
     points : array_like, (m, 2)
         Points of the reference triangle (0, 0), (1, 0), (0, 1).
 
@@ -265,6 +270,7 @@ def thread_lines(result, pitch):
     Parameters
     ----------
     result : Result
+        Its threads are traced on all of the cloth, mirror images included.
     pitch : float
         As for `threads`.
 

@@ -23,6 +23,7 @@ def draw(result, field=None, where="patch", ax=None):
     Parameters
     ----------
     result : Result
+        Converged or not.
     field : str, optional
         One of `LABELS`, drawn as a map in colours behind the threads.
     where : {"patch", "domain", "history"}, optional
@@ -69,7 +70,9 @@ def patch(ax, result, *, field=None, pitch=None, levels=21, rings=60, **line):
     Parameters
     ----------
     ax : matplotlib.axes.Axes
+        Where to draw; its scales are made equal.
     result : Result
+        Its whole patch, mirror images included, is drawn.
     field : str, optional
         One of `LABELS`, drawn as a map in colours, with a colour bar that names it.
     pitch : float, optional
@@ -98,7 +101,9 @@ def domain(ax, result, *, field=None, pitch=None):
     Parameters
     ----------
     ax : matplotlib.axes.Axes
+        Where to draw; its scales are made equal.
     result : Result
+        Its whole domain, mirror images included, is drawn.
     field, pitch : optional
         As for `patch`; the threads are the same.
 
@@ -150,7 +155,9 @@ def history(ax, result):
     Parameters
     ----------
     ax : matplotlib.axes.Axes
+        Where to draw; its vertical scale is made logarithmic.
     result : Result
+        With at least one accepted step.
     """
     rows = result.history
     steps = [row.newton for row in rows]
@@ -176,7 +183,9 @@ def convergence(ax, result, **line):
     Parameters
     ----------
     ax : matplotlib.axes.Axes
+        Where to draw; both scales are made logarithmic.
     result : Result
+        With at least one accepted step.
     **line
         As for ``ax.plot``.
     """
@@ -196,6 +205,7 @@ def sample(result, rings=60):
     Parameters
     ----------
     result : Result
+        Only its domain matters.
     rings : int
         Number of steps; each ring has 4 points for each.
 

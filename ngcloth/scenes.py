@@ -53,6 +53,15 @@ def sphere(portion=0.85, ks=0.0, shear_limit=None, *, symmetric=True):
         is a Chebyshev net.
     symmetric : bool
         Solve on a quarter. Default True.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        For a portion outside (0, 1), a shear limit outside (0, 1), or a negative ``ks``.
     """
     check_number("portion", portion, 0, 1, open_low=True, open_high=True)
     r = np.sqrt(portion / (1 - portion))
@@ -77,7 +86,25 @@ def sphere(portion=0.85, ks=0.0, shear_limit=None, *, symmetric=True):
 
 @_named
 def hemisphere(ks=0.0, *, symmetric=True):
-    """The unit hemisphere (§5.1, §5.2): `sphere` with ``portion=0.5``."""
+    """The unit hemisphere (§5.1, §5.2): `sphere` with ``portion=0.5``.
+
+    Parameters
+    ----------
+    ks : float
+        Shear stiffness over thread stiffness, kc being 1. With ``ks=0`` the scene is a Chebyshev
+        net; else threads are kept taut and the patch in equilibrium.
+    symmetric : bool
+        Solve on a quarter. Default True.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        For a negative ``ks``.
+    """
     return sphere(0.5, ks, symmetric=symmetric)
 
 
@@ -96,10 +123,15 @@ def hemicatenoid(ks=0.0, obstacle=False, *, symmetric=None):
     symmetric : bool, optional
         Solve on a quarter. Default True but with an obstacle, which breaks the symmetry.
 
+    Returns
+    -------
+    Scene
+
     Raises
     ------
     InputError
-        For an obstacle with ``ks=0``: a cloth without stress is not pushed.
+        For a negative ``ks``; or for an obstacle with ``ks=0``: a cloth without stress is not
+        pushed.
     """
 
     def chart(theta1, theta2):

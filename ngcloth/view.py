@@ -43,6 +43,7 @@ def cloth(
     Parameters
     ----------
     result : Result
+        Solved or loaded.
     field : str, optional
         One of `ngcloth.plot.LABELS`, drawn in colours on the cloth. By default it is plain.
     pitch : float, optional

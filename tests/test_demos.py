@@ -1,8 +1,14 @@
 """Every demo, imported by its path, and one number of each."""
 
+import re
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from loading import load
+from loading import DEMOS, load
 
 from ngcloth import Reason
 from ngcloth.chebyshev import sphere_singular_portion
@@ -51,3 +57,36 @@ def test_own_surface_unrolls(name):
     result = demo.solve(getattr(demo, name))
     assert result.normalized_energy < 1e-20
     assert demo.outline_error(result) < 1e-12
+
+
+def test_pictures_are_drawn_small(tmp_path):
+    demo = load("pictures")
+    result = demo.solve("hemisphere", maxh=0.3)
+    try:
+        path = demo.draw("hemisphere", result, tmp_path)
+    except RuntimeError as error:
+        if "no display" not in str(error):
+            raise
+        pytest.skip(str(error))
+    pixels = plt.imread(path)[..., :3]
+    red = (pixels[..., 0] > 0.6) & (pixels[..., 1:] < 0.25).all(axis=-1)
+    flat, worn = np.array_split(red, 2, axis=1)
+    assert flat.sum() < 20 < 1000 < worn.sum()  # the shear, on the cloth alone
+    assert path.stat().st_size < 150e3
+
+
+def test_gallery_has_every_picture_and_every_script():
+    text = (DEMOS / "README.md").read_text()
+    shown = set(re.findall(r"\.\./docs/pictures/(\w+)\.png", text))
+    files = {path.stem: path.stat().st_size for path in (DEMOS / "../docs/pictures").glob("*.png")}
+    assert shown == set(files) == set(load("pictures").PICTURES)
+    assert sum(files.values()) < 600e3
+    assert all(path.name in text for path in DEMOS.glob("*.py"))
+
+
+@pytest.mark.parametrize("page", ["README.md", "demos/README.md", "docs/method.md"])
+def test_links_lead_somewhere(page):
+    page = DEMOS.parent / page
+    targets = re.findall(r"\]\(([^)#]+)\)", page.read_text())
+    assert targets
+    assert all("://" in target or (page.parent / target).exists() for target in targets)

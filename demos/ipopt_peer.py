@@ -38,7 +38,7 @@ from ngcloth.solve import make_mesh
 try:
     import casadi as ca
 except ImportError:
-    raise ImportError("this demo needs casadi: pip install 'ngcloth[bench]'") from None
+    raise ImportError("this demo needs casadi: pip install '.[bench]'") from None
 
 # Of the orderings of MUMPS, minimum degree (0) took the least time on these matrices.
 IPOPT = {"tol": 1e-6, "mu_strategy": "adaptive", "linear_solver": "mumps", "mumps_pivot_order": 0}

@@ -33,8 +33,8 @@ STATUS = (
 def _report(result, path):
     from .report import report
 
-    there = [path.parent / name for name in FILES if (path.parent / name).is_file()]
-    report(result, path, [file for file in there if file != path])
+    there = [name for name in FILES if (path.parent / name).is_file() and name != path.name]
+    report(result, path, there)
 
 
 FILES = {

@@ -282,4 +282,4 @@ def _crossing(curve):
 
 
 def _point(values):
-    return "(" + ", ".join(f"{value:.3g}" for value in values) + ")"
+    return "(" + ", ".join(f"{round(value, 9) + 0.0:.3g}" for value in values) + ")"

@@ -2,6 +2,7 @@
 
 import csv
 import inspect
+from html.entities import codepoint2name
 from xml.etree import ElementTree
 
 import numpy as np
@@ -17,6 +18,10 @@ LAYERS = {
     "mark": ((0, 128, 43), 3, 0.3),
     "text": ((0, 0, 0), 7, 0.18),
 }
+# What the encoding of DXF lacks stands there as \U+ and a number, and many programs show just that:
+# Greek letters are spelled out instead.
+SPELLED = {code: name for code, name in codepoint2name.items() if 0x391 <= code <= 0x3D6}
+SPELLED |= {ord("≤"): "<=", ord("≥"): ">="}
 CAP_HEIGHT = 0.72  # of a font, in its size
 INKSCAPE = "http://www.inkscape.org/namespaces/inkscape"
 
@@ -28,9 +33,10 @@ def _with_pattern_options(write):
     shown += [each for each in source.values() if each.kind is each.KEYWORD_ONLY]
     write.__signature__ = inspect.Signature(shown)
     if write.__doc__:  # python -OO leaves none
-        told = inspect.cleandoc(cut_pattern.__doc__).partition("result : Result\n")[2]
+        first = next(each.name for each in source.values() if each.kind is each.KEYWORD_ONLY)
+        _, *told = inspect.cleandoc(cut_pattern.__doc__).partition(f"{first} : ")
         head = inspect.cleandoc(write.__doc__).partition("**options\n")[0]
-        write.__doc__ = head + told.replace("Returns\n-------\nPattern\n\n", "")
+        write.__doc__ = head + "".join(told).replace("Returns\n-------\nPattern\n\n", "")
     return write
 
 
@@ -44,7 +50,9 @@ def export_svg(result, path, *, marks_csv=None, **options):
     Parameters
     ----------
     result : Result
+        Solved or loaded.
     path : path
+        The file to write, replaced if it is there.
     marks_csv : path, optional
         Where to write the pinning marks as a table as well: flat position, θ, position in space.
     **options
@@ -80,12 +88,15 @@ def export_svg(result, path, *, marks_csv=None, **options):
 def export_dxf(result, path, *, marks_csv=None, **options):
     """Write the cut pattern at true scale as DXF (R2004), in mm.
 
-    The layers are "cut", "seam", "warp", "weft", "mark" and "text". Needs the extra ``cut``.
+    The layers are "cut", "seam", "warp", "weft", "mark" and "text". Greek letters are spelled out,
+    as few programs read them in DXF. Needs the extra ``cut``.
 
     Parameters
     ----------
     result : Result
+        Solved or loaded.
     path : path
+        The file to write, replaced if it is there.
     marks_csv : path, optional
         Where to write the pinning marks as a table as well: flat position, θ, position in space.
     **options
@@ -97,7 +108,7 @@ def export_dxf(result, path, *, marks_csv=None, **options):
     # ones are UTF-8 whatever theirs says.
     document = ezdxf.new("R2004", units=ezdxf.units.MM)
     document.header["$MEASUREMENT"] = 1  # metric
-    document.styles.new("label", dxfattribs={"font": "arial.ttf"})  # has Greek letters
+    document.styles.new("label", dxfattribs={"font": "arial.ttf"})  # has × and ²
     space = document.modelspace()
     for name, items in pattern.layers.items():
         rgb, number, line_width = LAYERS[name]
@@ -165,7 +176,9 @@ def _add_to_dxf(space, item, layer):
         return
     alignment = require("ezdxf.enums").TextEntityAlignment
     text = space.add_text(
-        item.text, height=item.height, dxfattribs={"layer": layer, "style": "label"}
+        item.text.translate(SPELLED),
+        height=item.height,
+        dxfattribs={"layer": layer, "style": "label"},
     )
     align = alignment.CENTER if item.centred else alignment.LEFT
     text.set_placement(item.position, align=align)

@@ -32,6 +32,7 @@ def interior_point(problem, recorder, last_mu):
     problem : ConstrainedLagrangian
         Its `state` is moved.
     recorder : Recorder
+        Keeps budget and history, and the memory of an earlier run to go on from.
     last_mu : float
         The barrier weight, relative to kc, at which to stop; in a scene without limits the
         tolerance.

@@ -98,6 +98,7 @@ def cut_pattern(result, *, unit_mm=100.0, pitch=10.0, seam=0.0, marks=12, tolera
     Parameters
     ----------
     result : Result
+        Solved or loaded.
     unit_mm : float, optional
         Scale: how many mm one unit of length of the surface is. Default 100. The label of the
         pattern states it, and a square of 100 mm lets one check the print.
@@ -171,6 +172,7 @@ def pinning_marks(result, n, unit_mm=1.0):
     Parameters
     ----------
     result : Result
+        Solved or loaded.
     n : int
         How many.
     unit_mm : float, optional
@@ -197,7 +199,9 @@ def refined_outline(result, unit_mm, tolerance):
     Parameters
     ----------
     result : Result
+        Solved or loaded.
     unit_mm : float
+        Scale, as for `cut_pattern`.
     tolerance : float
         In mm.
 
@@ -242,7 +246,7 @@ def require(module):
     try:
         return import_module(module)
     except ImportError as error:
-        message = f"cut patterns need {module}: pip install 'ngcloth[cut]'"
+        message = f"cut patterns need {module}: pip install 'ngcloth[cut]', in a clone '.[cut]'"
         raise ImportError(message, name=module) from error
 
 

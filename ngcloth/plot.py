@@ -53,7 +53,7 @@ def draw(result, field=None, where="patch", ax=None):
     if ax is None:
         import matplotlib.pyplot as plt
 
-        _, ax = plt.subplots(figsize=(6.4, 5.2), layout="constrained")
+        _, ax = plt.subplots(figsize=(6.4, 5.2), layout="compressed")
     if where == "history":
         history(ax, result)
     else:

@@ -24,8 +24,8 @@ class ProgressBar:
         try:
             from tqdm import tqdm
         except ImportError as error:
-            message = "a progress bar needs tqdm: pip install 'ngcloth[progress]'"
-            raise ImportError(message, name="tqdm") from error
+            extra = "pip install 'ngcloth[progress]', in a clone '.[progress]'"
+            raise ImportError(f"a progress bar needs tqdm: {extra}", name="tqdm") from error
         self._make, self._bar = tqdm, None
 
     def __call__(self, result):

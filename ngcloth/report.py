@@ -24,7 +24,7 @@ from .plot import (
 )
 
 RINGS = 30  # of the cloth to turn, see `sample`
-DPI = 150
+SIZE, DPI = (4.6, 3.5), 170  # inches, pixels per inch: letters stay readable in a column
 
 
 def report(result, path, files=()):
@@ -68,8 +68,8 @@ def report(result, path, files=()):
         title=escape(result.scene.name),
         kind=kind,
         verdict=escape(verdict),
-        scene=escape(str(result.scene)),
-        certificate=escape(str(certificate)),
+        certificate=_certificate(certificate),
+        scene="".join(f"<div>{escape(line)}</div>" for line in str(result.scene).splitlines()),
         numbers=_table(_numbers(result)),
         extrema=_table(_extrema(result)),
         settings=_table(_settings(result)),
@@ -92,7 +92,7 @@ def _links(folder, files):
         except (TypeError, ValueError):
             raise InputError("files", file, "paths in the folder of the page") from None
         if not (folder / target).exists():
-            raise InputError("files", str(file), "paths that exist")
+            raise InputError("files", str(file), f"paths that exist in {folder.resolve()}")
         name = target.as_posix()
         items.append(f'<li><a href="{quote(name)}">{escape(name)}</a></li>')
     return f"<h2>Files</h2>\n<ul>{''.join(items)}</ul>" if items else ""
@@ -100,15 +100,22 @@ def _links(folder, files):
 
 def _verdict(result, certificate):
     """How the page begins: a class of its style, and a sentence."""
+    certified = "certified:" if certificate.certified else "not certified:"
     if not result.converged:
         reason = str(result.reason)
         return "bad", (
             f"Not converged. {reason[0].upper()}{reason[1:]}. "
-            "What follows is the last good iterate, not a solution."
+            f"What follows is the last good iterate, not a solution; it is {certified}"
         )
     if not certificate.certified:
-        return "doubtful", f"Converged, but {certificate}."
-    return "good", "Converged and certified."
+        return "doubtful", f"Converged, but {certified}"
+    return "good", f"Converged and {certified}"
+
+
+def _certificate(certificate):
+    """What the certificate says, as items: each fault, or how well all holds."""
+    said = certificate.faults or [str(certificate).removeprefix("certified: ")]
+    return "".join(f"<li>{escape(each)}</li>" for each in said)
 
 
 def _numbers(result):
@@ -169,7 +176,7 @@ def _figures(result, fields):
 def _figure(result, caption, field=None, where="patch"):
     from matplotlib.figure import Figure
 
-    figure, picture = Figure(figsize=(5.2, 4.0), layout="constrained"), io.BytesIO()
+    figure, picture = Figure(figsize=SIZE, layout="compressed"), io.BytesIO()
     draw(result, field, where, figure.subplots())
     figure.savefig(picture, format="png", dpi=DPI)
     encoded = base64.b64encode(picture.getvalue()).decode()
@@ -218,8 +225,8 @@ def _coloured(result, field, theta, whole):
     share = (values - low) / (high - low) if high > low else np.full_like(values, 0.5)
     return {
         "label": plain(LABELS[field]),
-        "low": f"{low:.6g}",
-        "high": f"{high:.6g}",
+        "low": f"{low:.3g}",
+        "high": f"{high:.3g}",
         "values": whole(255 * share),
         "colours": whole(255 * colormaps[chosen["cmap"]](np.arange(256))[:, :3]),
     }

@@ -230,6 +230,17 @@ def test_without_the_extra_the_pattern_is_left_out_and_no_old_one_stays(
     assert not list(tmp_path.glob("pattern.*")) and (tmp_path / "fibres.csv").exists()
 
 
+def test_report_is_written_to_a_relative_folder_and_links_to_its_files(
+    tmp_path, monkeypatch, capsys
+):
+    only(monkeypatch, "fibres.csv", "report.html")
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["hemisphere", *COARSE, "--out", "out"]) == 0
+    assert capsys.readouterr().err == ""
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert '<a href="fibres.csv">' in page and 'href="report.html"' not in page
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT to a single process there")
 def test_ctrl_c_ends_with_130_and_one_line(tmp_path):
     options = ["--ks", "1", "--maxh", "0.03", "--out", str(tmp_path / "out")]

@@ -81,7 +81,7 @@ class Reader(HTMLParser):
         return [(attributes, text) for each, attributes, text in self.tags if each == tag]
 
     def verdict(self):
-        return self.all("p")[0]
+        return self.all("div")[0][0], self.all("p")[0][1]
 
     def cloth(self):
         return next(json.loads(text) for it, text in self.all("script") if it.get("id") == "cloth")
@@ -112,6 +112,17 @@ def test_plot_of_the_domain_has_the_same_threads_and_a_field():
         theta = np.concatenate([path.vertices for path in threads.get_paths()])
         level = result.psi(*(0.9999 * theta).T)[:, component] / pitch
         assert np.abs(level - np.rint(level)).max() < 0.02
+
+
+@pytest.mark.parametrize("where", ["patch", "domain"])
+@pytest.mark.parametrize("field", [None, "stretch1", "shear", "reaction"])
+def test_nothing_of_a_plot_sticks_out_of_its_picture(tmp_path, field, where):
+    figure = solved("coarse").plot(field, where).figure
+    figure.savefig(tmp_path / "patch.png")
+    assert len(figure.axes) == (1 if field is None else 2)
+    for ax in figure.axes:
+        box = ax.get_tightbbox()
+        assert box.min.min() > 2 and (figure.bbox.max - box.max).min() > 2
 
 
 def test_plot_of_the_history_shows_every_step():
@@ -184,9 +195,10 @@ def test_page_is_small_and_loads_nothing(written, name):
 
 def test_page_tells_the_result(written):
     result, page = solved("chebyshev"), Reader(written("chebyshev"))
-    assert page.verdict() == ({"class": "verdict good"}, "Converged and certified.")
+    assert page.verdict() == ({"class": "verdict good"}, "Converged and certified:")
     (_, text), *_ = page.all("body")
-    assert str(result.scene) in text and str(result.certificate()) in text
+    assert str(result.certificate()).removeprefix("certified: ") in text
+    assert all(line in text for line in str(result.scene).splitlines())
     numbers = [result.energy, result.area, *result.extrema["stretch1"], *result.extrema["shear"]]
     for number in numbers:
         assert f"{number:.6g}" in text
@@ -216,7 +228,9 @@ def test_page_without_convergence_says_so_first(written):
 def test_page_without_certificate_says_what_is_missed(written):
     attributes, text = Reader(written("claimed")).verdict()
     assert attributes["class"] == "verdict doubtful"
-    assert text == f"Converged, but {solved('claimed').certificate()}."
+    assert text == "Converged, but not certified:"
+    told = [text for _, text in Reader(written("claimed")).all("li")]
+    assert told == solved("claimed").certificate().faults != []
 
 
 def test_cloth_is_the_hemisphere_with_its_threads(written):
@@ -320,6 +334,7 @@ def test_page_opens_and_the_cloth_turns_under_the_mouse(written, browser, size):
 
     page.select_option("#field", label="shear γ")
     shear = drawn(page)[..., :3]
+    assert page.locator("#map").bounding_box()["width"] > 100
     extreme = solved("chebyshev").extrema["shear"][1]
     assert float(page.inner_text("#high")) == pytest.approx(extreme, abs=0.02)
     for sign, degrees in ((-1, 15), (1, 105), (-1, 195), (1, 285)):  # θ1 = θ2 first, from outside

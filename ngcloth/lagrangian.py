@@ -9,6 +9,8 @@ from ngsolve.comp import IntegrationRuleSpace
 from .errors import InputError
 from .kinematics import Kinematics, gradient
 
+BENDING = 1e-2  # its weight in `_uneven_bending`
+
 
 def of_state(evaluate):
     """Make a method keep its last value, and return it for as long as `self.state` is the same."""
@@ -82,7 +84,7 @@ class Lagrangian:
         self._energy = self._symbolic_energy(cloth.jacobian * self._density(cloth))
         self._roots = []
         self._model = self._gauss_newton(cloth, here) if gauss_newton else self._energy
-        self._bending = self._bending_matrix() if scene.tie_break else None
+        self._tie_break = _uneven_bending(self.fes) if scene.tie_break else None
 
     # What the loops ask -------------------------------------------------------------------
 
@@ -94,16 +96,16 @@ class Lagrangian:
     def value(self):
         """The Lagrangian at the current state, divided by kc, over the meshed domain."""
         value = self.cost()
-        if self._bending is not None:
+        if self._tie_break is not None:
             psi = self.state.vec
-            value += self.mu / 2 * ngs.InnerProduct(psi, (self._bending * psi).Evaluate())
+            value += self.mu / 2 * ngs.InnerProduct(psi, (self._tie_break * psi).Evaluate())
         return value
 
     def gradient(self, out):
         """Write the derivative of the Lagrangian at the current state to the vector `out`."""
         self._energy.Apply(self.state.vec, out)
-        if self._bending is not None:
-            out.data += self.mu * (self._bending * self.state.vec)
+        if self._tie_break is not None:
+            out.data += self.mu * (self._tie_break * self.state.vec)
 
     def hessian(self):
         """The second derivative of the Lagrangian, or its Gauss-Newton part if so asked.
@@ -114,8 +116,8 @@ class Lagrangian:
             field.Interpolate(expression)
         self._model.AssembleLinearization(self.state.vec)
         matrix = self._model.mat
-        if self._bending is not None:
-            matrix.AsVector().data += self.mu * self._bending.AsVector()
+        if self._tie_break is not None:
+            matrix.AsVector().data += self.mu * self._tie_break.AsVector()
         return matrix
 
     @of_state
@@ -214,9 +216,19 @@ class Lagrangian:
             form += (weight * ngs.grad(trial[i])) * ngs.grad(test[i]) * self._dx
         return form.Assemble().mat
 
-    def _bending_matrix(self):
-        """∫ ∇∇ψ:∇∇ψ, element by element."""
-        form = ngs.BilinearForm(self.fes, symmetric=True)
-        for u, v in zip(*self.fes.TnT(), strict=True):
-            form += ngs.InnerProduct(u.Operator("hesse"), v.Operator("hesse")) * ngs.dx
-        return form.Assemble().mat
+
+def _uneven_bending(space):
+    """The matrix of ∫ |(∇∇ψ − its mean)/h|² + 0.01 |∇∇ψ|², element by element, of a compound space.
+
+    h is the element's size: the first term stands for |∇∇∇ψ|². A net that bends evenly is smooth,
+    and what is smooth is resolved. The second term is all that order 2 has.
+    """
+    form = ngs.BilinearForm(space, symmetric=True)
+    constants, h = ngs.L2(space.mesh, order=0), ngs.specialcf.mesh_size
+    for pair in zip(*space.TnT(), strict=True):
+        u, v = (psi.Operator("hesse") for psi in pair)
+        form += BENDING * ngs.InnerProduct(u, v) * ngs.dx
+        for i in range(4):
+            du, dv = (bending[i] - ngs.Interpolate(bending[i], constants) for bending in (u, v))
+            form += du * dv / h**2 * ngs.dx
+    return form.Assemble().mat

@@ -39,10 +39,11 @@ class Scene:
         Solve on a quarter of the domain, with mirror lines through its centre: ψ1 odd and ψ2 even
         across θ1 = centre, ψ2 odd and ψ1 even across θ2 = centre. Default False.
     tie_break : float, optional
-        For surfaces whose Chebyshev net is not unique: add (ε/2) ∫ |∇∇ψ|², taken element by
-        element, to E/kc, and so prefer nets that bend little. The value is the last ε; 0, the
-        default, leaves the term out. `Result.energy` does not count it. Where the net is not
-        unique the patch still moves with ε and the mesh; where it is unique it does not.
+        For surfaces whose Chebyshev net is not unique: choose one by adding ε/2 times ∫ |∇∇∇ψ|²
+        (as the variation of ∇∇ψ in each element, and with a little of ∫ |∇∇ψ|²) to E/kc, and so
+        prefer nets that bend evenly. The value is the last ε, from which the solve ends with some
+        steps on E alone; 0, the default, leaves all this out. Where the net is not unique the
+        patch still moves with ε and the mesh; where it is unique it does not.
     name : str, optional
         How the scene is called in printed lines and figures.
 
@@ -193,7 +194,7 @@ class Scene:
         domain = f"{self.surface.domain}" + (", one quarter" if self.symmetric else "")
         terms = ["E(ψ), the strain energy" if self.cost is None else "∫ J χ, a cost of its own"]
         if self.tie_break:
-            terms.append(f"ε/2 ∫ |∇∇ψ|² down to ε = {self.tie_break:g}, to choose among nets")
+            terms.append(f"ε/2 ∫ |∇∇∇ψ|² down to ε = {self.tie_break:g}, to choose among nets")
         unknowns = "ψ1, ψ2"
         if self.in_equilibrium:
             unknowns += ", η1, η2"

@@ -117,7 +117,7 @@ def hemicatenoid(ks=0.0, obstacle=False, *, symmetric=None):
     ks : float
         Shear stiffness over thread stiffness, kc being 1. At ``ks=0`` Chebyshev nets are not
         unique beyond the threads through the rim's axis points: the scene prefers one that
-        bends little (`Scene.tie_break`).
+        bends evenly (`Scene.tie_break`).
     obstacle : bool
         Whether the surface can only push, τ ≥ 0 (§5.4).
     symmetric : bool, optional
@@ -151,7 +151,7 @@ def hemicatenoid(ks=0.0, obstacle=False, *, symmetric=None):
         constraints=_limits(fabric, None) + ((Obstacle(),) if obstacle else ()),
         start=(0.3, 0.4) if obstacle else (0.5, 0.5),
         symmetric=not obstacle if symmetric is None else symmetric,
-        tie_break=1e-8 if ks == 0 else 0.0,
+        tie_break=1e-9 if ks == 0 else 0.0,
         name=f"hemicatenoid, ks/kc = {ks:g}" + (", obstacle" if obstacle else ""),
     )
 

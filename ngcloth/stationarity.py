@@ -121,10 +121,8 @@ class _StationaryPoint:
             density -= self.mu * self.root / c * across
             matrix += (self.root / c**2 * along * across).Compile() * self.dx
         force += density.Compile() * self.dx
-        for u, v, psi in zip(trial, test, self.psi, strict=False):
+        for u, v in zip(trial[:2], test[:2], strict=True):
             matrix += self.seminorm(u, v)
-            if self.scene.tie_break:
-                force += self.bending(psi, v)
         if self.scene.in_equilibrium:
             matrix += self.equilibrium(trial, test)
         force.Assemble(), matrix.Assemble()
@@ -149,19 +147,12 @@ class _StationaryPoint:
         hessian += change.Diff(self.slope, gradient(*test[:2])).Compile() * self.dx
         for u, v in zip(trial[:2], test[:2], strict=True):
             norm += self.seminorm(u, v)
-            if self.scene.tie_break:
-                hessian += self.bending(u, v)
         return hessian.Assemble().mat, norm.Assemble().mat
 
     def seminorm(self, u, v):
         """The H¹ seminorm on the surface, ∫ √det a a^{αβ} ∂αu ∂βv."""
         weight = ngs.Cof(self.metric) / self.root
         return (weight * ngs.grad(u)) * ngs.grad(v) * self.dx
-
-    def bending(self, u, v):
-        """The derivative of the scene's tie-break, ε ∫ ∇∇u : ∇∇v."""
-        twice = ngs.InnerProduct(u.Operator("hesse"), v.Operator("hesse"))
-        return self.scene.tie_break * twice * ngs.dx
 
     def work(self, eta):
         """J S : L_η a over kc."""

@@ -97,18 +97,32 @@ def _remainders(problem, base, move, value, slope, curved):
     return abs(change), abs(first), abs(first - curved @ move / 2), np.linalg.norm(turned)
 
 
-def test_tie_break_is_the_bending_energy():
-    """½ μ ∫ |∇∇ψ|² of a quadratic ψ, in closed form, on top of E/kc."""
-    scene = Scene(
-        skew_surface(Rectangle((-1, 1), (-0.5, 0.5))),
-        Net(),
-        start=lambda x, y: (x + 0.2 * x * y, y + 0.1 * x * x),
-        tie_break=1e-3,
-    )
-    problem = discretised(scene, order=2)
-    problem.mu = 0.3
+def tie_broken(start, maxh=0.4):
+    """What the tie-break adds to E/kc at μ = 2, on a rectangle of area 2."""
+    surface = skew_surface(Rectangle((-1, 1), (-0.5, 0.5)))
+    scene = Scene(surface, Net(), start=start, tie_break=1e-3)
+    problem = discretised(scene, maxh=maxh, order=3)
+    problem.mu = 2.0
+    return problem.value() - problem.cost()
+
+
+def test_tie_break_of_even_bending_is_little_of_its_energy():
+    """0.01 ∫ |∇∇ψ|² of a quadratic ψ, in closed form."""
     square = 2 * 0.2**2 + (2 * 0.1) ** 2
-    assert problem.value() - problem.cost() == pytest.approx(0.15 * square * 2, rel=1e-10)
+    added = tie_broken(lambda x, y: (x + 0.2 * x * y, y + 0.1 * x * x))
+    assert added == pytest.approx(0.01 * square * 2, rel=1e-10)
+
+
+def test_tie_break_of_uneven_bending_does_not_depend_on_the_mesh():
+    """Elements of half the size have bending that varies half as much."""
+
+    def cubic(x, y):
+        return x + 0.1 * x**3, y + 0.05 * x * y**2
+
+    coarse, fine = (tie_broken(cubic, maxh) for maxh in (0.2, 0.1))
+    assert coarse == pytest.approx(fine, rel=0.1)
+    bending = (0.6**2 + 0.1**2) * 2 / 3 + 2 * 0.1**2 / 6
+    assert fine > 3 * 0.01 * bending
 
 
 CYLINDER = Surface(lambda t1, t2: (2 * ngs.cos(t1), 2 * ngs.sin(t1), t2), Disk(1))

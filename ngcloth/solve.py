@@ -11,7 +11,7 @@ from .constrained import ConstrainedLagrangian
 from .errors import InputError, SolveError, check_integer, check_number
 from .gradient_flow import adaptive_flow, fixed_flow
 from .history import Reason, Recorder
-from .interior_point import interior_point
+from .interior_point import FAR, WARM_MU, interior_point
 from .lagrangian import Lagrangian
 from .result import Result
 from .saddle_flow import saddle_flow
@@ -21,6 +21,7 @@ from .scene import Scene
 FLOWS = {"adaptive": adaptive_flow, "paper": fixed_flow}
 INVERSES = ("sparsecholesky", "umfpack")
 FIRST_TIE_BREAK = 1e-4
+COARSEST = 0.1  # mesh size over diameter
 
 
 def solve(
@@ -101,6 +102,10 @@ def solve(
 
     Notes
     -----
+    Scenes with limits are solved on coarser meshes first, each twice as fine as the one before,
+    and each a start for the next; their rows in the history are of phase "coarse", and a solve
+    that stops there returns the patch on that mesh, as its ``settings["maxh"]`` says.
+
     Ctrl-C ends the solve with ``Reason.INTERRUPTED`` and the last accepted step.
     """
     if not isinstance(scene, Scene):
@@ -145,6 +150,7 @@ def solve(
         checkpoint = Checkpoint(checkpoint, identity)
 
     def outcome(reason):
+        problem = recorder.problem or whole
         return Result(
             scene=scene,
             state=problem.state,
@@ -153,7 +159,7 @@ def solve(
             newton_iterations=recorder.newton,
             seconds=recorder.seconds,
             history=list(recorder.rows),
-            settings=settings,
+            settings=problem.settings,
         )
 
     recorder = Recorder(
@@ -164,12 +170,12 @@ def solve(
         callback and (lambda: callback(outcome(Reason.RUNNING)) is True),
         checkpoint,
     )
-    problem = _discretised(scene, settings)
+    whole = _discretised(scene, settings)
     try:
-        recorder.resume(problem)
-        reason = _run(problem, recorder, settings)
+        recorder.resume(whole)
+        reason = _run(whole, recorder, settings)
     except KeyboardInterrupt:
-        if not recorder.restore(problem):
+        if not recorder.restore():
             raise
         reason = Reason.INTERRUPTED
     result = outcome(reason)
@@ -232,9 +238,12 @@ def _discretised(scene, settings):
     mesh = make_mesh(scene, settings["maxh"], settings["order"])
     arguments = (settings[name] for name in ("order", "quadrature", "inverse"))
     if scene.in_equilibrium:
-        return ConstrainedLagrangian(scene, mesh, *arguments, settings["multiplier_order"])
-    gauss_newton = scene.inextensible and settings["schedule"] == "adaptive"
-    return Lagrangian(scene, mesh, *arguments, gauss_newton)
+        problem = ConstrainedLagrangian(scene, mesh, *arguments, settings["multiplier_order"])
+    else:
+        gauss_newton = scene.inextensible and settings["schedule"] == "adaptive"
+        problem = Lagrangian(scene, mesh, *arguments, gauss_newton)
+    problem.settings = settings  # the mesh may be a coarser one than the user's
+    return problem
 
 
 def _run(problem, recorder, settings):
@@ -242,7 +251,10 @@ def _run(problem, recorder, settings):
     if scene.in_equilibrium:
         if settings["schedule"] == "paper":
             return saddle_flow(problem, recorder, settings.get("barrier_end", 0), tolerance)
-        return interior_point(problem, recorder, settings.get("barrier_end", tolerance))
+        warm = not recorder.memory and _start_from_coarser_mesh(problem, recorder, settings)
+        if recorder.exhausted:
+            return recorder.why
+        return interior_point(problem, recorder, settings.get("barrier_end", tolerance), warm=warm)
     weights = (
         (max(FIRST_TIE_BREAK, scene.tie_break), scene.tie_break) if scene.tie_break else (0.0,)
     )
@@ -254,6 +266,28 @@ def _run(problem, recorder, settings):
         if reason is not Reason.CONVERGED:
             break
     return reason
+
+
+def _start_from_coarser_mesh(problem, recorder, settings):
+    """Set the state to the solution on a mesh twice as coarse, at a stronger barrier, if it fits.
+
+    Returns whether it does; else the state is as it was. Where the limits are active, and how far
+    the patch is from its start, is found where steps are cheap.
+    """
+    scene, maxh = problem.scene, 2 * settings["maxh"]
+    if not scene.constraints or maxh > COARSEST * scene.surface.domain.diameter:
+        return False
+    coarse = _discretised(scene, settings | {"maxh": maxh})
+    warm = _start_from_coarser_mesh(coarse, recorder, coarse.settings)
+    reason = interior_point(
+        coarse, recorder, max(WARM_MU, settings["barrier_end"]), phase="coarse", warm=warm
+    )
+    given = problem.state.vec.FV().NumPy().copy()
+    fits = reason is Reason.CONVERGED and problem.take(coarse.state)
+    if not (fits and problem.slacks().min() > FAR):
+        problem.state.vec.FV().NumPy()[:] = given
+        return False
+    return True
 
 
 def _check_choice(argument, value, choices):

@@ -17,7 +17,7 @@ hemicatenoid E is larger, and the patch smaller, at ks/kc = 10 than at 100, from
 
 At ks/kc = 100 the hemisphere's largest |γ| sits on the rim and still moves with the mesh; the table
 has that of the interior beside it. The solver ends in a local minimum near its start. Of the
-Chebyshev patches of the hemicatenoid, which are many, the figure has the one that bends least.
+Chebyshev patches of the hemicatenoid, which are many, the figure has one: it bends most evenly.
 """
 
 import sys

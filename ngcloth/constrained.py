@@ -99,6 +99,13 @@ class ConstrainedLagrangian(Lagrangian):
         """Derivatives of all slacks along ψ of `direction`, (slacks, points)."""
         return self._values(self._dc_here)
 
+    def take(self, coarse):
+        """Interpolate ψ and η from the state of a coarser mesh. Returns whether J > 0."""
+        for component, from_coarse in zip(self.state.components, coarse.components, strict=True):
+            component.Set(from_coarse)
+        self.state.vec.data = ngs.Projector(self.fes.FreeDofs(), True) * self.state.vec
+        return self.least_jacobian() > 0
+
     def freeze(self, c, z, stiffness):
         """Take arrays (slacks, points) for `gradient` and `hessian` to use.
 

@@ -106,10 +106,13 @@ class Recorder:
     after_step : callable, optional
         Called after each accepted step without arguments; the solve stops if it returns True.
     checkpoint : Checkpoint, optional
-        Where to keep each accepted step; the solve goes on from one that is there.
+        Where to keep each accepted step on the solve's own mesh, not on coarser ones that find it
+        a start; the solve goes on from one that is there.
 
     Attributes
     ----------
+    problem : Lagrangian
+        Whose step was accepted last; None before the first.
     memory : dict of ndarray
         What a loop needs beside the state to go on from a checkpoint; empty without one.
     """
@@ -120,6 +123,7 @@ class Recorder:
     def __init__(self, unit, max_steps, log, max_seconds=np.inf, after_step=None, checkpoint=None):
         self.unit, self.max_steps, self.log, self.max_seconds = unit, max_steps, log, max_seconds
         self.rows, self.newton, self.pseudo_time, self.memory = [], 0, 0.0, {}
+        self.problem = None
         self._after_step, self._checkpoint, self._state = after_step, checkpoint, None
         self._called_off = False
         self._begin = time.perf_counter()
@@ -163,10 +167,10 @@ class Recorder:
             active=active,
         )
         self.rows.append(row)
-        self._state = problem.state.vec.FV().NumPy().copy()
+        self.problem, self._state = problem, problem.state.vec.FV().NumPy().copy()
         if self.log:
             self.log(str(row))
-        if self._checkpoint:
+        if self._checkpoint and phase != "coarse":
             self._checkpoint.write(self._state, self.rows, memory)
         if self._after_step and self._after_step():
             self._called_off = True
@@ -176,7 +180,7 @@ class Recorder:
         found = self._checkpoint.read(problem.state.vec.size) if self._checkpoint else None
         if found is None:
             return
-        self._state, self.rows, self.memory = found
+        self.problem, (self._state, self.rows, self.memory) = problem, found
         problem.state.vec.FV().NumPy()[:] = self._state
         last = self.rows[-1]
         self.newton, self.pseudo_time = last.newton, last.pseudo_time
@@ -184,8 +188,8 @@ class Recorder:
         if self.log:
             self.log(f"going on after {self.newton} Newton steps")
 
-    def restore(self, problem):
+    def restore(self):
         """Return to the last accepted step. Returns whether there is one."""
-        if self._state is not None:
-            problem.state.vec.FV().NumPy()[:] = self._state
-        return self._state is not None
+        if self.problem is not None:
+            self.problem.state.vec.FV().NumPy()[:] = self._state
+        return self.problem is not None

@@ -11,20 +11,22 @@ import numpy as np
 from .errors import InputError
 from .history import Reason
 
-FIRST_MU = 1.0
+FIRST_MU, WARM_MU = 1.0, 1e-2  # of a solve from the scene's start, and from a coarser mesh
 # 1/Δt. A rate that negative curvature or a refused step asks for is at least the second; above the
 # third, rates do not last: the barrier's Hessian would no longer bend steps from the boundary.
 LEAST_RATE, FIRST_RATE, LASTING_RATE, LARGEST_RATE = 1e-9, 1e-2, 1e2, 1e6
 TO_BOUNDARY = 0.99  # a step may use up this fraction of a slack variable or a multiplier
 CRUSHED = 0.3  # a step may not shrink the least J by more than this factor
-LEAST_SLACK = 1e-2  # of slack variables at the start
+LEAST_SLACK = 1e-2  # of slack variables at the start, times √μ
+SHORT, SHORT_STEPS, RAISE = 0.1, 3, 5.0  # after so many such steps in a row μ is raised
+FAR = -0.1  # a patch from a coarser mesh that misses limits by more is no start
 DUAL_RANGE = 1e10  # multipliers z are kept within this factor of μ/s, the value they tend to
 STRETCHED = 10.0  # energy per area over kc above which a start is dilated
 SHORTEST = 1e-8
 REFUSALS = 12
 
 
-def interior_point(problem, recorder, last_mu):
+def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
     """Minimise E under the scene's limits and equilibrium, by ever weaker barriers.
 
     Parameters
@@ -36,15 +38,21 @@ def interior_point(problem, recorder, last_mu):
     last_mu : float
         The barrier weight, relative to kc, at which to stop; in a scene without limits the
         tolerance.
+    phase : str, optional
+        The name of the rows of history.
+    warm : bool, optional
+        Whether `state` nearly is the solution at μ = `WARM_MU`, and not the scene's start.
 
     Returns
     -------
     Reason
     """
-    if not recorder.memory:
+    if not (warm or recorder.memory):
         feasible_start(problem, recorder)
-    # Without limits there is no barrier to weaken.
-    iterate = Iterate(problem, FIRST_MU if problem.slack_names else last_mu)
+    if problem.slack_names:
+        iterate = Iterate(problem, max(WARM_MU, last_mu) if warm else FIRST_MU)
+    else:  # no barrier to weaken
+        iterate = Iterate(problem, last_mu)
     if recorder.memory:
         iterate.recall(**recorder.memory)
     while not recorder.exhausted:
@@ -58,7 +66,7 @@ def interior_point(problem, recorder, last_mu):
         if length > 0:
             told = {"length": length, "active": int((iterate.z > iterate.s).sum())}
             value = iterate.lagrangian()
-            recorder.record(problem, "barrier", 1 / rate, value, error, **told, **iterate.memory())
+            recorder.record(problem, phase, 1 / rate, value, error, **told, **iterate.memory())
         elif iterate.refusals > REFUSALS:
             return Reason.BLOCKED
     return recorder.why
@@ -124,9 +132,9 @@ class Iterate:
         self.problem = problem
         self.set_mu(mu)
         self.c = problem.slacks()
-        self.s = np.maximum(self.c, LEAST_SLACK)
+        self.s = np.maximum(self.c, LEAST_SLACK * np.sqrt(mu))
         self.z = mu / self.s
-        self.rate, self.refusals = 1.0, 0
+        self.rate, self.refusals, self.short_steps = mu if problem.slack_names else 1.0, 0, 0
         vector = problem.state.vec
         self._before, self._force, self._cost_gradient, self._psi_step = (
             vector.CreateVector() for _ in range(4)
@@ -167,8 +175,10 @@ class Iterate:
         problem.gradient(self._force)
         self._force.FV().NumPy()[problem.psi_dofs.stop :] = 0
         forces = problem.dual_norm(self._force), problem.imbalance()
+        # A multiplier is known to the rounding of its slack, times z/s.
+        noise = np.finfo(float).eps * (self.z / self.s).max(initial=0)
         return max(
-            max(forces) / np.sqrt(problem.area),
+            max(forces) / np.sqrt(problem.area) - noise,
             np.abs(self.c - self.s).max(initial=0),
             np.abs(self.s * self.z - self.mu).max(initial=0),
         )
@@ -193,7 +203,15 @@ class Iterate:
         elif length < 0.1:
             self.rate *= 4
         self.rate = min(max(self.rate, LEAST_RATE), LASTING_RATE)
+        self._raise_mu_if_short(length)
         return used, length
+
+    def _raise_mu_if_short(self, length):
+        """Return to a stronger barrier where the boundary has cut several steps in a row."""
+        self.short_steps = self.short_steps + 1 if length < SHORT else 0
+        if self.short_steps == SHORT_STEPS and self.mu < FIRST_MU / 2 and self.problem.slack_names:
+            self.set_mu(min(RAISE * self.mu, FIRST_MU))
+            self.rate, self.short_steps = min(self.rate, 1.0), 0
 
     def _compute_direction(self, recorder):
         """Solve for the step, with a rate at which its part in ψ has positive curvature."""

@@ -11,9 +11,9 @@ from .constrained import ConstrainedLagrangian
 from .errors import InputError, SolveError, check_integer, check_number
 from .gradient_flow import adaptive_flow, fixed_flow
 from .history import Reason, Recorder
-from .interior_point import interior_point
+from .interior_point import FAR, WARM_MU, interior_point
 from .lagrangian import Lagrangian
-from .newton import newton_step
+from .net_choice import chosen_net
 from .result import Result
 from .saddle_flow import saddle_flow
 from .save import fingerprint
@@ -21,10 +21,7 @@ from .scene import Scene
 
 FLOWS = {"adaptive": adaptive_flow, "paper": fixed_flow}
 INVERSES = ("sparsecholesky", "umfpack")
-# A net is chosen by weights that fall to `Scene.tie_break` a hundredfold at a time, none needing
-# more than 1 % of accuracy; then it is freed of them, by few damped steps that hardly move it.
-FIRST_TIE_BREAK, CHOSEN = 1e-3, 1e-2
-FREEING_STEPS, FREEING_RATE, SETTLING_STEPS = 16, 2e-9, 8
+COARSEST = 0.1  # mesh size over diameter
 
 
 def solve(
@@ -105,6 +102,10 @@ def solve(
 
     Notes
     -----
+    Scenes with limits are solved on coarser meshes first, each twice as fine as the one before,
+    and each a start for the next; their rows in the history are of phase "coarse", and a solve
+    that stops there returns the patch on that mesh, as its ``settings["maxh"]`` says.
+
     Ctrl-C ends the solve with ``Reason.INTERRUPTED`` and the last accepted step.
     """
     if not isinstance(scene, Scene):
@@ -149,6 +150,7 @@ def solve(
         checkpoint = Checkpoint(checkpoint, identity)
 
     def outcome(reason):
+        problem = recorder.problem or whole
         return Result(
             scene=scene,
             state=problem.state,
@@ -157,7 +159,7 @@ def solve(
             newton_iterations=recorder.newton,
             seconds=recorder.seconds,
             history=list(recorder.rows),
-            settings=settings,
+            settings=problem.settings,
         )
 
     recorder = Recorder(
@@ -168,12 +170,12 @@ def solve(
         callback and (lambda: callback(outcome(Reason.RUNNING)) is True),
         checkpoint,
     )
-    problem = _discretised(scene, settings)
+    whole = _discretised(scene, settings)
     try:
-        recorder.resume(problem)
-        reason = _run(problem, recorder, settings)
+        recorder.resume(whole)
+        reason = _run(whole, recorder, settings)
     except KeyboardInterrupt:
-        if not recorder.restore(problem):
+        if not recorder.restore():
             raise
         reason = Reason.INTERRUPTED
     result = outcome(reason)
@@ -237,9 +239,12 @@ def _discretised(scene, settings):
     mesh = make_mesh(scene, settings["maxh"], settings["order"])
     arguments = (settings[name] for name in ("order", "quadrature", "inverse"))
     if scene.in_equilibrium:
-        return ConstrainedLagrangian(scene, mesh, *arguments, settings["multiplier_order"])
-    gauss_newton = scene.inextensible and settings["schedule"] == "adaptive"
-    return Lagrangian(scene, mesh, *arguments, gauss_newton)
+        problem = ConstrainedLagrangian(scene, mesh, *arguments, settings["multiplier_order"])
+    else:
+        gauss_newton = scene.inextensible and settings["schedule"] == "adaptive"
+        problem = Lagrangian(scene, mesh, *arguments, gauss_newton)
+    problem.settings = settings  # the mesh may be a coarser one than the user's
+    return problem
 
 
 def _run(problem, recorder, settings):
@@ -247,58 +252,36 @@ def _run(problem, recorder, settings):
     if scene.in_equilibrium:
         if settings["schedule"] == "paper":
             return saddle_flow(problem, recorder, settings.get("barrier_end", 0), tolerance)
-        return interior_point(problem, recorder, settings.get("barrier_end", tolerance))
-    flow = FLOWS[settings["schedule"]]
-    if not scene.tie_break:
-        return flow(problem, recorder, "flow", tolerance)
-    for weight in _tie_breaks(scene.tie_break):
-        if recorder.rows and weight > recorder.rows[-1].mu:
-            continue
-        problem.mu = weight
-        reason = flow(problem, recorder, "flow", max(tolerance, CHOSEN))
-        if reason is not Reason.CONVERGED:
-            return reason
-    return _free_of_tie_break(problem, recorder, tolerance)
-
-
-def _tie_breaks(last):
-    weights = [last]
-    while weights[-1] < FIRST_TIE_BREAK / 10:
-        weights.append(100 * weights[-1])
-    return weights[::-1]
-
-
-def _free_of_tie_break(problem, recorder, tolerance):
-    """Newton steps on E alone, from the net that the tie-break has chosen.
-
-    They take away what the tie-break costs, its bias where the net is unique. Where it is not
-    they would go on for ever, along nets that the mesh resolves better and better: the last ones
-    are damped more and more, and bring the net to rest.
-    """
-    problem.mu, rate = 0.0, float(recorder.memory.pop("rate", FREEING_RATE))
-    done = sum(row.mu == 0 for row in recorder.rows)
-    for left in range(FREEING_STEPS + SETTLING_STEPS - done, 0, -1):
+        warm = not recorder.memory and _start_from_coarser_mesh(problem, recorder, settings)
         if recorder.exhausted:
             return recorder.why
-        step = newton_step(problem, rate)
-        recorder.newton += 1
-        if step.length == 0:
-            break
-        time_step, value = 1 / rate, problem.value()
-        if step.length < 0.5 or left <= SETTLING_STEPS:
-            rate *= 4
-        recorder.record(
-            problem,
-            "free",
-            time_step,
-            value,
-            step.decrement * recorder.unit,
-            length=step.length,
-            rate=rate,
-        )
-        if step.decrement <= tolerance * value:
-            break
-    return Reason.CONVERGED
+        return interior_point(problem, recorder, settings.get("barrier_end", tolerance), warm=warm)
+    flow = FLOWS[settings["schedule"]]
+    if scene.tie_break:
+        return chosen_net(problem, recorder, flow, tolerance)
+    return flow(problem, recorder, "flow", tolerance)
+
+
+def _start_from_coarser_mesh(problem, recorder, settings):
+    """Set the state to the solution on a mesh twice as coarse, at a stronger barrier, if it fits.
+
+    Returns whether it does; else the state is as it was. Where the limits are active, and how far
+    the patch is from its start, is found where steps are cheap.
+    """
+    scene, maxh = problem.scene, 2 * settings["maxh"]
+    if not scene.constraints or maxh > COARSEST * scene.surface.domain.diameter:
+        return False
+    coarse = _discretised(scene, settings | {"maxh": maxh})
+    warm = _start_from_coarser_mesh(coarse, recorder, coarse.settings)
+    reason = interior_point(
+        coarse, recorder, max(WARM_MU, settings["barrier_end"]), phase="coarse", warm=warm
+    )
+    given = problem.state.vec.FV().NumPy().copy()
+    fits = reason is Reason.CONVERGED and problem.take(coarse.state)
+    if not (fits and problem.slacks().min() > FAR):
+        problem.state.vec.FV().NumPy()[:] = given
+        return False
+    return True
 
 
 def _check_choice(argument, value, choices):

@@ -1,0 +1,79 @@
+"""Solves that begin on coarser meshes: same patch, few steps on the fine one, honest when cut."""
+
+from math import cos, pi
+
+import numpy as np
+import pytest
+
+import ngcloth
+from ngcloth import Reason, scenes
+from ngcloth.interior_point import WARM_MU
+
+
+def fine_steps(result):
+    """Newton steps on the mesh that was asked for."""
+    coarse = [row.newton for row in result.history if row.phase == "coarse"]
+    return result.newton_iterations - max(coarse, default=0)
+
+
+@pytest.fixture
+def from_scene_start(monkeypatch):
+    """Solve without coarser meshes."""
+    module = __import__("sys").modules["ngcloth.solve"]
+
+    def solve(scene, **settings):
+        with monkeypatch.context() as patch:
+            patch.setattr(module, "COARSEST", 0.0)
+            return ngcloth.solve(scene, **settings)
+
+    return solve
+
+
+@pytest.mark.parametrize("scene", [scenes.hemisphere(1.0), scenes.hemicatenoid(10.0)], ids=str)
+def test_coarser_meshes_lead_to_the_same_patch(scene, from_scene_start):
+    maxh = 0.05 * scene.surface.domain.diameter
+    nested, direct = ngcloth.solve(scene, maxh=maxh), from_scene_start(scene, maxh=maxh)
+    assert any(row.phase == "coarse" for row in nested.history)
+    assert not any(row.phase == "coarse" for row in direct.history)
+    assert nested.energy == pytest.approx(direct.energy, rel=1e-4)
+    np.testing.assert_allclose(nested.outline(100), direct.outline(100), atol=5e-3)
+
+
+def test_steps_on_the_finest_mesh_do_not_grow():
+    """From the scene's start the stiff hemisphere takes 13, 16 and 48."""
+    steps = [fine_steps(ngcloth.solve(scenes.hemisphere(100.0), maxh=h)) for h in (0.2, 0.1, 0.05)]
+    assert max(steps) <= 20
+
+
+def test_large_portion_with_a_shear_limit():
+    """From the scene's start it takes some 180 steps on this mesh, where many limits meet."""
+    result = ngcloth.solve(scenes.sphere(0.85, shear_limit=cos(pi / 6)), maxh=0.1)
+    assert result.converged
+    assert result.newton_iterations <= 120
+
+
+def test_patch_far_from_the_limits_is_no_start():
+    """Reactions on a coarse mesh are too rough: τ would be negative on the finer one."""
+    result = ngcloth.solve(scenes.hemicatenoid(1.0, obstacle=True), maxh=0.18)
+    own = [row for row in result.history if row.phase == "barrier"]
+    assert result.converged
+    assert own[0].mu > WARM_MU
+
+
+def test_stop_on_a_coarse_mesh_is_told():
+    result = ngcloth.solve(scenes.hemisphere(10.0), maxh=0.1, max_steps=3)
+    assert result.reason is Reason.STEP_BUDGET
+    assert result.settings["maxh"] == 0.2
+    assert np.isfinite(result.energy)
+    assert result.history[-1].phase == "coarse"
+
+
+def test_callback_sees_the_coarse_patch():
+    seen = []
+
+    def keep(result):
+        seen.append((result.history[-1].phase, result.settings["maxh"], result.area))
+
+    result = ngcloth.solve(scenes.hemisphere(10.0), maxh=0.1, callback=keep)
+    assert {(phase, maxh) for phase, maxh, _ in seen} == {("coarse", 0.2), ("barrier", 0.1)}
+    assert seen[-1][2] == pytest.approx(result.area)

@@ -121,35 +121,16 @@ _FOLDED_ELLIPSOID = (
     "the cloth folds between them; some runs end there, others use up their steps or time."
 )
 _SLOW = "It needs more steps, or steps of more seconds, than its limits allow; not looked into."
-_UNRESOLVED = (
-    "On this coarse mesh the weaker threads, which should not stretch, do so by more than a tenth: "
-    "the net is there, the mesh does not resolve it, and the reason says so."
-)
-_ROUND_OFF = "The energy agrees with that of 1e-6; the stopping test asks for less than round-off."
 EXPLANATIONS = {
-    ("kc1/kc2, Chebyshev", "0.0001"): _UNRESOLVED,
-    ("kc1/kc2, Chebyshev", "0.001"): _UNRESOLVED,
-    ("kc1/kc2, Chebyshev", "1000"): _UNRESOLVED,
-    ("height of the hemicatenoid, ks = 0", "2.5"): _UNRESOLVED,
-    ("height of the hemicatenoid, ks = 0", "3"): _UNRESOLVED,
-    ("half an ellipsoid, ks = 0", "1:1:0.1"): _UNRESOLVED,
-    ("order, Chebyshev", "1"): _UNRESOLVED,
-    ("barrier_end, hemisphere ks = 1", "1e-07"): _ROUND_OFF,
-    ("barrier_end, hemisphere ks = 1", "1e-08"): _ROUND_OFF,
     ("ks/kc, hemicatenoid", "1e+06"): (
         "The barrier's weight is relative to kc while forces are a million times that: probably "
         "the tests for the next barrier are below the round-off of the forces."
     ),
-    ("kc1/kc2, Chebyshev", "10000"): (
-        "The certificate finds the patch stationary. Probably Gauss-Newton converges linearly "
-        "where the mesh leaves an energy, more slowly the more unequal the threads, until its "
-        "steps are below round-off."
+    ("kc1/kc2, Chebyshev", "0.0001"): (
+        "Steps are shortened again and again along the valley of the weaker threads' energy, which "
+        "the mesh leaves. The Newton decrement is 1e-12 of E at the end, but as long as steps are "
+        "damped it is not believed."
     ),
-    ("barrier_end, hemisphere ks = 100", "1e-07"): (
-        "The energy agrees with that of 1e-6 to 8 digits. Probably the stopping test, absolute in "
-        "units of kc, asks for less than the round-off of a stress of 100 kc."
-    ),
-    ("barrier_end, hemisphere ks = 100", "1e-08"): "As at 1e-7.",
     ("portion of the sphere, γmax = cos π/6", "0.99"): (
         "The radius of the chart is 10: the metric varies ten-thousandfold over a few triangles, "
         "and the last iterate is folded between the integration points. The reason is right in "

@@ -29,7 +29,7 @@ class Result:
     cost : float
         What was minimised, over kc and the meshed domain: E, or the scene's own cost.
     newton_iterations : int
-        All Newton steps, refused ones included.
+        All Newton steps, refused ones and those on coarser meshes included.
     seconds : float
         Wall-clock time of the solve.
     history : list of Row
@@ -51,6 +51,13 @@ class Result:
     def converged(self):
         """Whether `reason` is `Reason.CONVERGED`."""
         return self.reason is Reason.CONVERGED
+
+    @property
+    def last_mesh_iterations(self):
+        """Newton steps on the last mesh alone, without those on coarser ones that led to it."""
+        last = self.history[-1].phase if self.history else ""
+        before = [row.newton for row in self.history if row.phase == "coarse" != last]
+        return self.newton_iterations - max(before, default=0)
 
     @property
     def energy(self):

@@ -38,8 +38,8 @@ INSIDE = 0.9  # of the way from the centre to the rim: leaves out the layer alon
 QUICK = ("hemisphere, ks/kc = 1", "hemicatenoid, ks/kc = 1", "sphere, p = 0.5")
 QUICK_MESHES = {"hemisphere": (0.2, 0.15, 0.1), "hemicatenoid": (0.4, 0.3), "sphere": (0.3, 0.2)}
 COLUMNS = (
-    "scene maxh newton_steps last_mesh_steps seconds energy area largest_stretch least_stretch shear shear_inside "
-    "least_reaction angle equilibrium_residual reason"
+    "scene maxh newton_steps last_mesh_steps seconds energy area largest_stretch least_stretch "
+    "shear shear_inside least_reaction angle equilibrium_residual reason"
 ).split()
 TURNED = (10, 20)  # degrees, of further starts with the obstacle
 EXPONENTS = np.linspace(0.5, 4, 36)
@@ -283,16 +283,17 @@ def page(rows, others, bias):
         "λ and |γ| are over all of the cloth, between the points at which limits hold too; inside: "
         f"|γ| within {INSIDE} of the way from the centre to the rim. Residual: the part of the "
         "in-plane force that is not balanced. Steps are Newton steps, those on coarser meshes that "
-        "lead to this one included, and on this mesh alone. [results.csv](results.csv) has the same.",
+        "lead to this one included, and on this mesh alone. [results.csv](results.csv) has the "
+        "same.",
         "",
-        "| scene | h | steps | on this mesh | seconds | E/(2π kc) | area | λ max | λ min | γ max | inside | "
-        "residual | ended |",
+        "| scene | h | steps | on this mesh | seconds | E/(2π kc) | area | λ max | λ min | γ max "
+        "| inside | residual | ended |",
         "|---|" + "---|" * 12,
     ]
     lines += [
-        "| {scene} | {maxh:g} | {newton_steps} | {last_mesh_steps} | {seconds:.1f} | {energy:.5f} | {area:.4f} | "
-        "{largest_stretch:.3f} | {least_stretch:.4f} | {shear:.4f} | {shear_inside:.4f} | "
-        "{equilibrium_residual:.3f} | {reason} |".format(**row)
+        "| {scene} | {maxh:g} | {newton_steps} | {last_mesh_steps} | {seconds:.1f} | {energy:.5f} "
+        "| {area:.4f} | {largest_stretch:.3f} | {least_stretch:.4f} | {shear:.4f} "
+        "| {shear_inside:.4f} | {equilibrium_residual:.3f} | {reason} |".format(**row)
         for row in rows
     ]
     failed = [row for row in rows + others if row["reason"] != "CONVERGED"]

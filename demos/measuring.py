@@ -1,14 +1,20 @@
 """For `work_precision.py`: one solve in a process of its own, and its distance from a reference.
 
 A process of its own makes peak memory that of the solve (and of the imports), and keeps one solve's
-libraries, caches and fragmentation from the next one's time.
+libraries, caches and fragmentation from the next one's time. Also here: wall-clock seconds with
+threads, the first solve of a process, and which part of a solve takes how long.
 """
 
+import cProfile
 import multiprocessing
+import pstats
+import re
 import resource
+import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
 
 import ngsolve as ngs
 import numpy as np
@@ -27,13 +33,23 @@ SCENES |= {
 SHORT = 0.5  # repeat solves shorter than this many seconds, and take the best
 INSIDE = 0.9  # of the way from the centre to the rim: stretches are compared there
 PEER = "IPOPT"
+COLD = """
+import time
+times = [time.perf_counter()]
+import ngcloth
+times.append(time.perf_counter())
+for _ in range(2):
+    ngcloth.solve(ngcloth.scenes.hemisphere(ks=1), maxh=0.2)
+    times.append(time.perf_counter())
+print(*times)
+"""
 
 
-def in_its_own_process(scene, curve, **settings):
-    """What `solve` returns, from a new process."""
+def in_its_own_process(function, *arguments, **settings):
+    """What a function of this module returns, from a new process."""
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=spawn) as pool:
-        return pool.submit(solve, scene, curve, **settings).result()
+        return pool.submit(function, *arguments, **settings).result()
 
 
 def solve(name, curve, **settings):
@@ -42,15 +58,16 @@ def solve(name, curve, **settings):
     Returns a row, and the probes {"outline": (n, 2), "stretch": (m, 2)} at fixed points.
     """
     ngs.SetNumThreads(1)
+    imports = peak_megabytes()
     scene, run = SCENES[name](), peer if curve == PEER else own
-    ngcloth.solve(scene, maxh=scene.surface.domain.diameter / 4, max_steps=1)  # loads libraries
+    load_libraries(scene)
     runs = []
-    while len(runs) < 3 and (not runs or min(runs)[0] < SHORT):
+    while repeat(runs):
         cpu, wall = time.process_time(), time.perf_counter()
         result, seconds = run(scene, settings)
         cpu = time.process_time() - cpu if seconds is None else seconds
         runs.append((cpu, time.perf_counter() - wall))
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    peak = peak_megabytes()
     row = {
         "scene": name,
         "curve": curve,
@@ -60,12 +77,91 @@ def solve(name, curve, **settings):
         "dofs": result.state.space.ndof,
         "energy": result.normalized_energy,
         "newton_steps": result.newton_iterations,
+        "fine_steps": fine_steps(result),
         "cpu_seconds": min(runs)[0],
         "wall_seconds": min(runs)[1],
-        "peak_megabytes": peak / (2**20 if sys.platform == "darwin" else 2**10),
+        "peak_megabytes": peak,
+        "import_megabytes": imports,
         "reason": result.reason.name,
     }
     return row, probe(result)
+
+
+def load_libraries(scene):
+    """Solve a little, so that what only the first solve of a process does is done."""
+    ngcloth.solve(scene, maxh=scene.surface.domain.diameter / 4, max_steps=1)
+
+
+def repeat(runs):
+    """Whether to solve again, after (seconds, …) of earlier runs."""
+    return len(runs) < 3 and (not runs or min(runs)[0] < SHORT)
+
+
+def fine_steps(result):
+    """Newton steps on the mesh that was asked for, without those on coarser ones."""
+    coarse = [row.newton for row in result.history if row.phase == "coarse"]
+    return result.newton_iterations - max(coarse, default=0)
+
+
+def peak_megabytes():
+    """Peak memory of this process so far."""
+    status = Path("/proc/self/status")  # `ru_maxrss` of Linux begins with that of the parent
+    found = status.exists() and re.search(r"VmHWM:\s*(\d+)", status.read_text())
+    if found:
+        return int(found[1]) / 2**10
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (2**20 if sys.platform == "darwin" else 2**10)
+
+
+def with_threads(name, threads, maxh):
+    """Wall-clock seconds and Newton steps of a solve by default settings, warm."""
+    ngs.SetNumThreads(threads)
+    scene, runs = SCENES[name](), []
+    with ngs.TaskManager():
+        load_libraries(scene)
+        while repeat(runs):
+            wall = time.perf_counter()
+            result = ngcloth.solve(scene, maxh=maxh)
+            runs.append((time.perf_counter() - wall, result.newton_iterations))
+    return min(runs)
+
+
+def cold_start(times=3):
+    """Wall-clock seconds of import, first and second solve of a process; medians of some times."""
+    runs = []
+    for _ in range(times):
+        done = subprocess.run([sys.executable, "-c", COLD], capture_output=True, check=True)
+        runs.append(np.diff([float(moment) for moment in done.stdout.split()]))
+    return np.median(runs, axis=0)
+
+
+def profile(name, maxh):
+    """CPU seconds of the parts of a solve of a scene with limits, by default settings."""
+    ngs.SetNumThreads(1)
+    scene, profiler = SCENES[name](), cProfile.Profile(time.process_time)
+    load_libraries(scene)
+    result = profiler.runcall(ngcloth.solve, scene, maxh=maxh)
+    stats = pstats.Stats(profiler)
+
+    def cumulative(file, *functions):
+        return sum(
+            entry[3]
+            for (path, _, function), entry in stats.stats.items()
+            if Path(path).name == file and function in functions
+        )
+
+    steps = cumulative("interior_point.py", "interior_point")
+    parts = {
+        "mesh and set-up": cumulative("solve.py", "_discretised"),
+        "from coarser meshes": cumulative("constrained.py", "take"),
+        "matrix": cumulative("lagrangian.py", "hessian"),
+        "factorisation, solution": cumulative("constrained.py", "solve"),
+        "line search": cumulative("interior_point.py", "_line_search"),
+    }
+    parts["forces, stopping test"] = steps - sum(list(parts.values())[2:])
+    parts["check for folds"] = cumulative("result.py", "unfolded")
+    total = cumulative("solve.py", "solve")
+    return {**parts, "rest": total - sum(parts.values())}, total, result.newton_iterations
 
 
 def own(scene, settings):

@@ -32,7 +32,8 @@ def test_rows(rows):
     bar = [row for row in rows if row["curve"] == demo.REFERENCE][1]
     for name in demo.MEASURES:
         assert 0 < bar[name] < default[name] < 0.1
-    assert all(80 < row["peak_megabytes"] < 2000 for row in rows)
+    assert all(80 < row["import_megabytes"] < row["peak_megabytes"] < 2000 for row in rows)
+    assert all(row["fine_steps"] == row["newton_steps"] for row in rows)  # too coarse for others
 
 
 def test_ratios(rows):
@@ -41,9 +42,56 @@ def test_ratios(rows):
     peers = list(demo.against_peer(rows))
     for line in peers:
         assert "not equal" not in line["energies apart"]
+        assert int(line["on the finest mesh"]) <= int(line["steps, ngcloth"])
     assert len(peers) == sum(row["curve"] == demo.PEER for row in rows)
     (line,) = demo.growth(rows)
-    assert line["scene"] == "hemisphere, ks = 1"
+    assert (line["scene"], line["exponent of time"]) == ("hemisphere, ks = 1", "–")
+
+
+def test_exponents():
+    """Time like n², memory beyond the imports like n; meshes below 2000 unknowns do not count."""
+    lines = [
+        {
+            "scene": "a",
+            "curve": demo.DEFAULT,
+            "maxh": 1 / n,
+            "triangles": n // 8,
+            "dofs": n,
+            "newton_steps": 20,
+            "fine_steps": 10,
+            "cpu_seconds": 1e-6 * n**2 if n > 1000 else 5.0,
+            "peak_megabytes": 120 + 1e-3 * n,
+            "import_megabytes": 120,
+            "reason": "CONVERGED" if n < 50000 else "STEP_BUDGET",
+        }
+        for n in (64000, 1000, 4000, 16000)
+    ]
+    (line,) = demo.growth(lines)
+    assert line["exponent of time"] == "2.00" and line["of memory"] == "1.00"
+    assert line["triangles"] == "125, 500, 2000, 8000"
+    assert line["on the finest mesh"] == "10, 10, 10, (10)"
+
+
+def test_fine_steps():
+    scene = measuring.SCENES["hemisphere, ks = 1"]()
+    result = measuring.ngcloth.solve(scene, maxh=0.1)
+    fine = [row for row in result.history if row.phase != "coarse"]
+    assert len(fine) <= measuring.fine_steps(result) < result.newton_iterations
+
+
+def test_profile():
+    """Disjoint parts make the whole; matrices and systems take most of it."""
+    parts, total, steps = measuring.profile("hemisphere, ks = 1", 0.2)
+    assert sum(parts.values()) == pytest.approx(total)
+    assert min(parts.values()) >= 0 and parts["rest"] < 0.2 * total and steps > 5
+    assert parts["matrix"] + parts["factorisation, solution"] > 0.2 * total
+
+
+def test_threads_and_cold_start():
+    seconds, steps = measuring.with_threads("hemisphere, ks = 1", 1, maxh=0.4)
+    assert 0 < seconds < 60 and 5 < steps < 50
+    imports, first, second = measuring.cold_start(times=1)
+    assert imports > 0 and second > 0 and first > 0
 
 
 def test_exact_net():
@@ -71,11 +119,14 @@ def test_outline_does_not_feel_a_shift(rows):
 
 def test_files(rows, tmp_path, monkeypatch):
     monkeypatch.setattr(demo, "run", lambda *args, **kwargs: rows)
+    apart = {"Then two threads": [{"ratio": "1.5"}], "Cold start": [{"import": "1.23"}]}
+    monkeypatch.setattr(demo, "measured_apart", lambda *args: apart)
     demo.main("--quick", str(tmp_path))
     with open(tmp_path / "work_precision.csv", newline="") as file:
         read = list(csv.DictReader(file))
     assert [float(row["energy"]) for row in read] == pytest.approx([row["energy"] for row in rows])
     text = (tmp_path / "work_precision.md").read_text(encoding="utf-8")
+    assert "## Then two threads\n\n| ratio |\n| --- |\n| 1.5 |" in text and "1.23" in text
     assert "Omissions and tweaking" in text and f"ngsolve {demo.ngs.__version__}" in text
     (plot,) = tmp_path.glob("*.png")
     assert plot.read_bytes().startswith(b"\x89PNG")

@@ -77,7 +77,7 @@ def solve(name, curve, **settings):
         "dofs": result.state.space.ndof,
         "energy": result.normalized_energy,
         "newton_steps": result.newton_iterations,
-        "fine_steps": fine_steps(result),
+        "last_mesh_steps": result.last_mesh_iterations,
         "cpu_seconds": min(runs)[0],
         "wall_seconds": min(runs)[1],
         "peak_megabytes": peak,
@@ -95,12 +95,6 @@ def load_libraries(scene):
 def repeat(runs):
     """Whether to solve again, after (seconds, …) of earlier runs."""
     return len(runs) < 3 and (not runs or min(runs)[0] < SHORT)
-
-
-def fine_steps(result):
-    """Newton steps on the mesh that was asked for, without those on coarser ones."""
-    coarse = [row.newton for row in result.history if row.phase == "coarse"]
-    return result.newton_iterations - max(coarse, default=0)
 
 
 def peak_megabytes():

@@ -23,7 +23,7 @@ FAR = -0.1  # a patch from a coarser mesh that misses limits by more is no start
 DUAL_RANGE = 1e10  # multipliers z are kept within this factor of μ/s, the value they tend to
 STRETCHED = 10.0  # energy per area over kc above which a start is dilated
 SHORTEST = 1e-8
-REFUSALS = 12
+FORGET, REFUSALS = 4, 12  # refused steps in a row until the filter is emptied, until the end
 
 
 def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
@@ -193,6 +193,8 @@ class Iterate:
         if length == 0:
             self.rate = min(max(8 * self.rate, FIRST_RATE), LARGEST_RATE)
             self.refusals += 1
+            if self.refusals == FORGET:  # pairs left long ago may shut in the iterate
+                self._filter, self.rate = [], 1.0
             return used, 0.0
         self.refusals = 0
         self.z += _to_boundary(self.z, dz) * dz

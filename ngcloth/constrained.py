@@ -1,6 +1,6 @@
 """The Lagrangian of a scene with limits: equilibrium and barriers, with their multipliers."""
 
-from functools import cached_property
+from functools import cache, cached_property
 
 import ngsolve as ngs
 import numpy as np
@@ -160,24 +160,33 @@ class ConstrainedLagrangian(Lagrangian):
         square = ngs.InnerProduct(force, (self._riesz * force).Evaluate())
         return np.sqrt(max(square, 0.0))
 
-    def solve(self, matrix, load, out):
-        """Write the solution x of matrix x = load in the free unknowns to the vector `out`.
+    def solver(self, matrix):
+        """Return a function (load, out) that writes the x with matrix x = load to `out`.
 
         LDLᵀ without pivoting needs a matrix without zeros on the diagonal (Vanderbei, 1995); it
         gets one with a small negative block for η, whose effect iterative refinement undoes. It
         takes a tenth of the time of LU with pivoting, which stands by for the rare failure; where
         that fails as well, x is not a number.
         """
+        softened = None
         if self.inverse == "sparsecholesky":
             matrix.AsVector().data -= SOFTENING * self.eta_flow.AsVector()
-            inverse = matrix.Inverse(self.free, inverse="sparsecholesky")
+            softened = matrix.Inverse(self.free, inverse="sparsecholesky")
             matrix.AsVector().data += SOFTENING * self.eta_flow.AsVector()
-            if self._refine(matrix, inverse, load, out):
+
+        @cache
+        def pivoted():
+            return matrix.Inverse(self.free, inverse="umfpack")
+
+        def solve(load, out):
+            if softened is not None and self._refine(matrix, softened, load, out):
                 return
-        try:
-            out.data = matrix.Inverse(self.free, inverse="umfpack") * load
-        except NgException:  # singular, or not finite
-            out[:] = np.nan
+            try:
+                out.data = pivoted() * load
+            except NgException:  # singular, or not finite
+                out[:] = np.nan
+
+        return solve
 
     # How it is put together ---------------------------------------------------------------
 

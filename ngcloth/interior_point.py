@@ -1,9 +1,9 @@
 """Interior point: barrier loop around a filter line search along primal-dual Newton steps.
 
 The method of Wächter and Biegler (2006), slack variables included, with all norms taken in the
-function spaces. The matrix is regularised by the pseudo-time term, 1/Δt times the flow's inner
-product, raised until the step has positive curvature (Chiang and Zavala, 2016), so that each step
-is one of backward Euler along the gradient flow.
+function spaces, and the centrality correctors of Gondzio (1996). The matrix is regularised by the
+pseudo-time term, 1/Δt times the flow's inner product, raised until the step has positive curvature
+(Chiang and Zavala, 2016), so that each step is one of backward Euler along the gradient flow.
 """
 
 import numpy as np
@@ -11,11 +11,14 @@ import numpy as np
 from .errors import InputError
 from .history import Reason
 
-FIRST_MU, WARM_MU = 1.0, 1e-2  # of a solve from the scene's start, and from a coarser mesh
+FIRST_MU, WARM_MU = 1.0, 0.2  # of a solve from the scene's start, and from a coarser mesh
 # 1/Δt. A rate that negative curvature or a refused step asks for is at least the second; above the
 # third, rates do not last: the barrier's Hessian would no longer bend steps from the boundary.
 LEAST_RATE, FIRST_RATE, LASTING_RATE, LARGEST_RATE = 1e-9, 1e-2, 1e2, 1e6
 TO_BOUNDARY = 0.99  # a step may use up this fraction of a slack variable or a multiplier
+# A step that the boundary cuts to less than `CUT` gets at most so many correctors. Each aims for a
+# step twice as long and a bit, and for products s z within this factor of μ.
+CORRECTORS, CUT, LONGER, CENTRED = 3, 0.9, (2.0, 0.1), 10.0
 CRUSHED = 0.3  # a step may not shrink the least J by more than this factor
 LEAST_SLACK = 1e-2  # of slack variables at the start, times √μ
 SHORT, SHORT_STEPS, RAISE = 0.1, 3, 5.0  # after so many such steps in a row μ is raised
@@ -185,10 +188,7 @@ class Iterate:
 
     def step(self, recorder):
         """Try one step. Returns its 1/Δt and its accepted length, 0 if it was refused."""
-        problem = self.problem
-        self._compute_direction(recorder)
-        ds = problem.slack_changes() + self.c - self.s
-        dz = self.mu / self.s - self.z - self.z / self.s * ds
+        ds, dz = self._direction(recorder)
         used, length = self.rate, self._line_search(ds)
         if length == 0:
             self.rate = min(max(8 * self.rate, FIRST_RATE), LARGEST_RATE)
@@ -215,30 +215,78 @@ class Iterate:
             self.set_mu(min(RAISE * self.mu, FIRST_MU))
             self.rate, self.short_steps = min(self.rate, 1.0), 0
 
-    def _compute_direction(self, recorder):
-        """Solve for the step, with a rate at which its part in ψ has positive curvature."""
+    def _direction(self, recorder):
+        """Solve for the step in ψ and η, and return that of s and z."""
+        self._force_toward(self.mu)
+        self.problem.cost_gradient(self._cost_gradient)
+        solve = self._regularised(recorder)
+        ds, dz = self._slack_step(self.mu)
+        if np.isfinite(ds).all():
+            ds, dz = self._corrected(solve, ds, dz)
+        self._project(self.problem.direction.vec)
+        return ds, dz
+
+    def _force_toward(self, products):
+        """Set the force whose Newton step takes s z to `products`, with ds and dz eliminated."""
         problem, stiffness = self.problem, self.z / self.s
-        # Eliminating ds and dz from the Newton system leaves this force and this stiffness.
-        problem.freeze(self.c, self.mu / self.s - stiffness * (self.c - self.s), stiffness)
+        problem.freeze(self.c, products / self.s - stiffness * (self.c - self.s), stiffness)
         problem.gradient(self._force)
-        problem.cost_gradient(self._cost_gradient)
-        problem.freeze(self.c, self.z, stiffness)
+
+    def _slack_step(self, products):
+        ds = self.problem.slack_changes() + self.c - self.s
+        return ds, products / self.s - self.z - self.z / self.s * ds
+
+    def _project(self, direction):
+        self._psi_step.data = direction
+        self._psi_step.FV().NumPy()[self.problem.psi_dofs.stop :] = 0
+
+    def _regularised(self, recorder):
+        """Solve with a rate at which the step in ψ has positive curvature; return the solver."""
+        problem = self.problem
+        problem.freeze(self.c, self.z, self.z / self.s)
         direction, psi_step = problem.direction.vec, self._psi_step
         matrix = problem.hessian()
         added = 0.0
         while True:
             matrix.AsVector().data += (self.rate - added) * problem.flow.AsVector()
             added = self.rate
-            problem.solve(matrix, self._force, direction)
+            solve = problem.solver(matrix)
+            solve(self._force, direction)
             direction.data *= -1
             recorder.newton += 1
-            psi_step.data = direction
-            psi_step.FV().NumPy()[problem.psi_dofs.stop :] = 0
+            self._project(direction)
             curvature = psi_step.InnerProduct((matrix * psi_step).Evaluate())
             size = psi_step.InnerProduct((problem.flow * psi_step).Evaluate())
             if curvature > 1e-8 * size or recorder.exhausted or self.rate > LARGEST_RATE:
-                return
+                return solve
             self.rate = max(4 * self.rate, FIRST_RATE)
+
+    def _corrected(self, solve, ds, dz):
+        """Correct a step that few slack variables cut short: solve again with the same matrix.
+
+        Where a longer step would leave s z far from μ, another product is aimed for, which makes up
+        for the difference (Gondzio, 1996). A corrector that does not lengthen the step is undone.
+        """
+        direction, length = self.problem.direction.vec, _to_boundary(self.s, ds)
+        kept = direction.CreateVector()
+        for _ in range(CORRECTORS):
+            if length >= CUT:
+                break
+            aim = min(1.0, LONGER[0] * length + LONGER[1])
+            reached = (self.s + aim * ds) * (self.z + aim * dz)
+            centred = np.clip(reached, self.mu / CENTRED, self.mu * CENTRED)
+            products = self.mu + np.maximum(centred - reached, -self.mu * CENTRED)
+            kept.data = direction
+            self._force_toward(products)
+            solve(self._force, direction)
+            direction.data *= -1
+            corrected = self._slack_step(products)
+            new_length = _to_boundary(self.s, corrected[0])
+            if not new_length >= length + 0.1 * (aim - length):
+                direction.data = kept
+                break
+            (ds, dz), length = corrected, new_length
+        return ds, dz
 
     def _line_search(self, ds):
         """Move ψ, η and s by the first acceptable length, by halves; 0 if there is none."""

@@ -91,7 +91,7 @@ def _euler_step(problem, recorder, anchor, relaxed):
         matrix = problem.hessian()
         for added, sign in inertia:
             matrix.AsVector().data += sign / TIME_STEP * added.AsVector()
-        problem.solve(matrix, residual, problem.direction.vec)
+        problem.solver(matrix)(residual, problem.direction.vec)
         recorder.newton += 1
         before.data, length = state, 1.0
         while length > SHORTEST:

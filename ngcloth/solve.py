@@ -21,7 +21,7 @@ from .scene import Scene
 
 FLOWS = {"adaptive": adaptive_flow, "paper": fixed_flow}
 INVERSES = ("sparsecholesky", "umfpack")
-COARSEST = 0.1  # mesh size over diameter
+COARSEST, COARSER = 0.3, 4  # mesh size over diameter, and over that of the next finer mesh
 
 
 def solve(
@@ -102,9 +102,10 @@ def solve(
 
     Notes
     -----
-    Scenes with limits are solved on coarser meshes first, each twice as fine as the one before,
-    and each a start for the next; their rows in the history are of phase "coarse", and a solve
-    that stops there returns the patch on that mesh, as its ``settings["maxh"]`` says.
+    Scenes with limits are solved on coarser meshes first. Each mesh is a refinement of the one
+    before, four times as fine, and each patch a start for the next; their rows in the history are
+    of phase "coarse", and a solve that stops there returns the patch on that mesh, as its
+    ``settings["maxh"]`` says.
 
     Ctrl-C ends the solve with ``Reason.INTERRUPTED`` and the last accepted step.
     """
@@ -228,11 +229,26 @@ def _same_minimum(one, other):
 
 
 def make_mesh(scene, maxh, order):
-    """The curved triangulation of the scene's domain, or of its quarter."""
+    """The curved triangulation of the scene's domain, or of its quarter.
+
+    In a scene with limits it is refined from the coarser ones that are solved first. Interpolation
+    between meshes that are not nested would leave their limits, and equilibrium.
+    """
     face = scene.surface.domain.face(scene.symmetric)
-    mesh = ngs.Mesh(OCCGeometry(face, dim=2).GenerateMesh(maxh=maxh))
+    levels = _coarser_levels(scene, maxh)
+    mesh = OCCGeometry(face, dim=2).GenerateMesh(maxh=maxh * COARSER**levels)
+    for _ in range(levels * (COARSER // 2)):
+        mesh.Refine()
+    mesh = ngs.Mesh(mesh)
     mesh.Curve(order)
     return mesh
+
+
+def _coarser_levels(scene, maxh):
+    """How many coarser meshes are solved first."""
+    if not scene.constraints:
+        return 0
+    return max(int(np.log(COARSEST * scene.surface.domain.diameter / maxh) / np.log(COARSER)), 0)
 
 
 def _discretised(scene, settings):
@@ -263,15 +279,15 @@ def _run(problem, recorder, settings):
 
 
 def _start_from_coarser_mesh(problem, recorder, settings):
-    """Set the state to the solution on a mesh twice as coarse, at a stronger barrier, if it fits.
+    """Set the state to the solution on the next coarser mesh, at a stronger barrier, if it fits.
 
     Returns whether it does; else the state is as it was. Where the limits are active, and how far
     the patch is from its start, is found where steps are cheap.
     """
-    scene, maxh = problem.scene, 2 * settings["maxh"]
-    if not scene.constraints or maxh > COARSEST * scene.surface.domain.diameter:
+    scene, maxh = problem.scene, settings["maxh"]
+    if not _coarser_levels(scene, maxh):
         return False
-    coarse = _discretised(scene, settings | {"maxh": maxh})
+    coarse = _discretised(scene, settings | {"maxh": COARSER * maxh})
     warm = _start_from_coarser_mesh(coarse, recorder, coarse.settings)
     reason = interior_point(
         coarse, recorder, max(WARM_MU, settings["barrier_end"]), phase="coarse", warm=warm

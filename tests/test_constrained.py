@@ -154,7 +154,7 @@ def test_linear_solver_with_and_without_pivoting(displaced):
     load, found = (problem.state.vec.CreateVector() for _ in range(2))
     load.FV().NumPy()[:] = times(matrix, direction)
     for problem.inverse in ("sparsecholesky", "umfpack"):
-        problem.solve(matrix, load, found)
+        problem.solver(matrix)(load, found)
         assert found.FV().NumPy() == pytest.approx(direction, abs=1e-7 * np.abs(direction).max())
 
 

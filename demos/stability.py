@@ -24,12 +24,12 @@ import platform
 import re
 import resource
 import signal
-import sys
 import time
 from pathlib import Path
 
 import ngsolve as ngs
 import numpy as np
+from measuring import peak_megabytes
 from stability_cases import ENDS, REFUSED, SOLVES, cases
 
 import ngcloth
@@ -83,7 +83,7 @@ def _work(case, pipe):
         pipe.send({"outcome": f"{type(error).__name__}: {text}", "certificate": ""})
         return
     seconds = time.process_time() - begin
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    peak = peak_megabytes()
     extrema = result.extrema
     stretches = [*extrema["stretch1"], *extrema["stretch2"]]
     pipe.send(
@@ -96,7 +96,7 @@ def _work(case, pipe):
             "stretch_min": min(stretches),
             "stretch_max": max(stretches),
             "shear_max": extrema["shear"][1],
-            "peak_megabytes": round(peak / (2**20 if sys.platform == "darwin" else 2**10)),
+            "peak_megabytes": round(peak),
         }
     )
     pipe.send({"certificate": _certificate(result)})

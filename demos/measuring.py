@@ -73,6 +73,7 @@ def solve(name, curve, **settings):
         "curve": curve,
         "order": result.settings["order"],
         "maxh": result.settings["maxh"],
+        "rim_maxh": result.settings.get("rim_maxh", ""),
         "triangles": result.state.space.mesh.ne,
         "dofs": result.state.space.ndof,
         "energy": result.normalized_energy,
@@ -149,7 +150,7 @@ def profile(name, maxh):
         "mesh and set-up": cumulative("solve.py", "_discretised"),
         "from coarser meshes": cumulative("constrained.py", "take"),
         "matrix": cumulative("lagrangian.py", "hessian"),
-        "factorisation, solution": cumulative("constrained.py", "solve"),
+        "factorisation, solution": cumulative("constrained.py", "solver", "solve"),
         "line search": cumulative("interior_point.py", "_line_search"),
     }
     parts["forces, stopping test"] = steps - sum(list(parts.values())[2:])

@@ -29,10 +29,12 @@ import numpy as np
 import ngcloth
 
 COLUMNS = (
-    "scene curve order maxh triangles dofs energy energy_error outline_error stretch_error "
-    "newton_steps last_mesh_steps cpu_seconds wall_seconds peak_megabytes import_megabytes reason"
+    "scene curve order maxh rim_maxh triangles dofs energy energy_error outline_error "
+    "stretch_error newton_steps last_mesh_steps cpu_seconds wall_seconds peak_megabytes "
+    "import_megabytes reason"
 ).split()
 DEFAULT, WEAK, PAPER, PEER = "default", "barrier_end 1e-5", "paper's schedule", measuring.PEER
+RIM = "rim_maxh = maxh²"
 REFERENCE = "reference"
 WEAKER = 1e-5
 BUDGET = 20.0  # CPU seconds for a solve by the paper's schedule
@@ -43,16 +45,53 @@ MEASURES = {
     "outline_error": "outline, largest",
     "stretch_error": "stretch, root mean square",
 }
-# Mesh sizes: at order 2, at order 4, of both references, of both alternatives.
+# Mesh sizes: at order 2, at order 4, of both references (inside, along the rim), of both
+# alternatives.
 MESHES = {
-    "hemisphere, ks = 1": ((0.2, 0.1, 0.05, 0.025, 0.0125), (0.4, 0.2), (0.1, 0.05), (0.2, 0.1)),
-    "hemisphere, ks = 10": ((0.2, 0.1, 0.05), (0.4, 0.2), (0.14, 0.1), (0.1,)),
-    "hemisphere, ks = 100": ((0.2, 0.1, 0.05, 0.03), (0.4, 0.2), (0.14, 0.1), (0.1,)),
-    "hemicatenoid, ks = 1": ((0.4, 0.2, 0.1), (0.6, 0.3), (0.24, 0.15), (0.2,)),
-    "hemicatenoid, ks = 100": ((0.4, 0.2, 0.1), (0.6, 0.3), (0.24, 0.15), (0.2,)),
-    "sphere, p = 0.85": ((0.2, 0.1, 0.07), (0.4, 0.2), (0.14, 0.1), (0.1,)),
-    "obstacle, ks = 1": ((0.5, 0.35, 0.25), (0.8, 0.5), (0.4, 0.3), (0.35,)),
-    "obstacle, ks = 100": ((0.5, 0.35, 0.25), (0.8, 0.5), (0.4, 0.3), (0.35,)),
+    "hemisphere, ks = 1": (
+        (0.2, 0.1, 0.05, 0.025, 0.01),
+        (0.4, 0.2),
+        ((0.2, 0.01), (0.2, 0.005)),
+        (0.2, 0.1, 0.05),
+    ),
+    "hemisphere, ks = 10": (
+        (0.2, 0.1, 0.05, 0.025),
+        (0.4, 0.2),
+        ((0.2, 0.02), (0.2, 0.01)),
+        (0.05,),
+    ),
+    "hemisphere, ks = 100": (
+        (0.2, 0.1, 0.05, 0.03),
+        (0.4, 0.2),
+        ((0.14, None), (0.1, None)),
+        (0.05,),
+    ),
+    "hemicatenoid, ks = 1": (
+        (0.4, 0.2, 0.1, 0.05),
+        (0.6, 0.3),
+        ((0.24, None), (0.15, None)),
+        (0.2, 0.1),
+    ),
+    "hemicatenoid, ks = 100": (
+        (0.4, 0.2, 0.1, 0.05),
+        (0.6, 0.3),
+        ((0.24, None), (0.15, None)),
+        (0.1,),
+    ),
+    "sphere, p = 0.85": ((0.2, 0.1, 0.07, 0.05), (0.4, 0.2), ((0.14, None), (0.1, None)), (0.1,)),
+    "obstacle, ks = 1": ((0.5, 0.35, 0.25, 0.15), (0.8, 0.5), ((0.4, None), (0.3, None)), (0.25,)),
+    "obstacle, ks = 100": (
+        (0.5, 0.35, 0.25, 0.15),
+        (0.8, 0.5),
+        ((0.4, None), (0.3, None)),
+        (0.25,),
+    ),
+}
+# Scenes and mesh sizes h that are solved with size h² along the rim, too.
+GRADED = {
+    "hemisphere, ks = 1": (0.3, 0.2, 0.15, 0.1, 0.07),
+    "hemisphere, ks = 10": (0.3, 0.2, 0.15, 0.1),
+    "hemicatenoid, ks = 1": (0.4, 0.2, 0.1),
 }
 WEAK_MESHES = 3  # as many of the first sizes are solved with the weak barrier as well
 CHEBYSHEV = "hemisphere, Chebyshev"
@@ -62,9 +101,12 @@ PAPER_EXACT = {"schedule": "paper", "tolerance": 3e-9, "max_steps": 5000}
 PAPER_MESHES = (0.1, 0.04)
 # Not by the paper's schedule, which does not converge there within its budget.
 LEFT_OUT = "hemisphere, ks = 10", "hemicatenoid, ks = 100", "obstacle, ks = 100"
+# For the README: scenes, and the mesh on which all have solved them.
+SHORT = {"hemisphere, ks = 1": 0.05, "hemicatenoid, ks = 1": 0.1, "sphere, p = 0.85": 0.1}
+SHORT |= {"obstacle, ks = 1": 0.25}
 THREADED = {CHEBYSHEV: 0.0125, "hemisphere, ks = 1": 0.035, "sphere, p = 0.85": 0.1}
 PROFILED = {"hemisphere, ks = 1": 0.05, "sphere, p = 0.85": 0.1}
-QUICK = {"hemisphere, ks = 1": ((0.4, 0.3), (0.5,), (0.5, 0.4), (0.4,))}
+QUICK = {"hemisphere, ks = 1": ((0.4, 0.3), (0.5,), ((0.5, None), (0.4, None)), (0.4,))}
 QUICK_SIZE = {"hemisphere, ks = 1": 0.4}  # of all else
 
 OMISSIONS = """\
@@ -81,20 +123,24 @@ ngcloth. The paper's schedule is ngcloth's own implementation of it; with limits
 either. Two threads are timed on three scenes only, by the clock on the wall, and mean something
 only where both cores are idle: NGSolve's threads wait for each other spinning, and a busy core
 makes them many times slower than one. All else is of one thread, in CPU seconds; of cold starts
-only one is timed, by the clock on the wall. Meshes are uniform: `solve` takes a mesh size, not a
-mesh, so none can be graded to the rim. Orders are 2 and 4, and 6 and 8 on the exact net. With
-limits, the finest meshes have 12 000 triangles at ks = 1, 2 000 at ks = 100 and fewer elsewhere. At
-the default barrier, 1e-3, errors do not fall below what this barrier shifts; where a scene has
-several minima, as with the obstacle, meshes and solvers may end in different ones, and a row is
-then as far from the reference as the minima are. Energies below 1e-17 mean zero."""
+only one is timed, by the clock on the wall. Meshes are uniform but where `rim_maxh` is said. Orders
+are 2 and 4, and 6 and 8 on the exact net. With limits, the finest meshes have 20 000 triangles at
+ks = 1, and fewer elsewhere. At the default barrier, 1e-3, errors do not fall below what this
+barrier shifts; where a scene has several minima, as with the obstacle, meshes and solvers may end
+in different ones, and a row is then as far from the reference as the minima are. Energies below
+1e-17 mean zero."""
 
 
 def jobs(scene, meshes):
     """All solves of a scene with limits, the two references first: (curve, settings)."""
     second, fourth, references, others = meshes
     weak = {"barrier_end": WEAKER}
-    found = [(REFERENCE, {"order": 4, "maxh": maxh, **weak}) for maxh in references]
+    found = [
+        (REFERENCE, {"order": 4, "maxh": maxh, "rim_maxh": rim_maxh, **weak})
+        for maxh, rim_maxh in references
+    ]
     found += [(DEFAULT, {"maxh": maxh}) for maxh in dict.fromkeys((*second, *others))]
+    found += [(RIM, {"maxh": maxh, "rim_maxh": maxh**2}) for maxh in GRADED.get(scene, ())]
     both = dict.fromkeys((*second[:WEAK_MESHES], *others))
     found += [(WEAK, {"maxh": maxh, **weak}) for maxh in both]
     found += [(f"order 4, {WEAK}", {"order": 4, "maxh": maxh, **weak}) for maxh in fourth]
@@ -185,23 +231,57 @@ def against_paper(rows):
             }
 
 
+def in_short(rows):
+    """Lines of a table for the README: steps and seconds beside those of the alternatives."""
+
+    def line(name, ours, paper, peer):
+        steps, last = _steps(ours), ours["last_mesh_steps"]
+        if last < ours["newton_steps"]:
+            steps += f", of which {last} on this mesh"
+        return {
+            "one thread": name,
+            "Newton steps": steps,
+            "seconds": f"{ours['cpu_seconds']:.2g}",
+            "IPOPT": f"{peer['newton_steps']} steps, {peer['cpu_seconds']:.2g}" if peer else "–",
+            "the paper's schedule": _seconds(paper) if paper else "–",
+        }
+
+    for goal in (1e-7, 1e-12):
+        ours, paper = _fastest(rows, goal), _fastest(rows, goal, by_paper=True)
+        if ours:
+            name = f"Chebyshev hemisphere to E/(2π kc) = {goal:g}, order {ours['order']}"
+            yield line(name, ours, paper, None)
+    for scene, maxh in SHORT.items():
+        ours, peers, papers = (select(rows, scene, c, maxh) for c in (WEAK, PEER, PAPER))
+        if ours:
+            yield line(f"{scene}, maxh {maxh}", ours[0], *(m[0] if m else None
+                       for m in (papers, peers)))  # fmt: skip
+
+
+def _seconds(row):
+    more = "" if row["reason"] == "CONVERGED" else "more than "
+    return f"{more}{row['cpu_seconds']:.2g}"
+
+
+def _fastest(rows, goal, by_paper=False):
+    """The row that takes least time to bring the energy of the Chebyshev scene below `goal`."""
+    good = (
+        row
+        for row in rows
+        if row["scene"] == CHEBYSHEV
+        and (row["curve"] == PAPER) == by_paper
+        and row["energy"] <= goal
+        and row["reason"] == "CONVERGED"
+    )
+    return min(good, key=lambda row: row["cpu_seconds"], default=None)
+
+
 def to_accuracy(rows):
     """Lines of a table: seconds to an energy on the Chebyshev hemisphere."""
     for goal in (1e-6, 1e-7, 1e-12):
         line = {"E/(2π kc) below": f"{goal:g}"}
         for name, paper in (("paper", True), ("ngcloth", False)):
-            best = min(
-                (
-                    row
-                    for row in rows
-                    if row["scene"] == CHEBYSHEV
-                    and (row["curve"] == PAPER) == paper
-                    and row["energy"] <= goal
-                    and row["reason"] == "CONVERGED"
-                ),
-                key=lambda row: row["cpu_seconds"],
-                default=None,
-            )
+            best = _fastest(rows, goal, paper)
             line[f"seconds, {name}"] = f"{best['cpu_seconds']:.2f}" if best else "–"
             line[f"order, maxh, {name}"] = f"{best['order']}, {best['maxh']}" if best else "–"
         yield line
@@ -278,23 +358,32 @@ def measured_apart(threaded, profiled):
     }
 
 
-def page(rows, apart):
-    """The report as Markdown; `apart` is of `measured_apart`."""
+def tables(rows, apart):
+    """All tables but that of all solves, {title: lines}; `apart` is of `measured_apart`."""
+    found = {
+        "In short": in_short(rows),
+        "To an energy, Chebyshev hemisphere": to_accuracy(rows),
+        "Against IPOPT, same discrete problem, order 2": against_peer(rows),
+        "Against the paper's schedule, same mesh, order 2": against_paper(rows),
+        "Growth with the mesh, default settings": growth(rows),
+    }
+    return {title: list(lines) for title, lines in (found | apart).items()}
+
+
+def page(rows, tables):
+    """The report as Markdown; `tables` is what the function of this name returns."""
     fields = ("scene", "curve", "maxh", *MEASURES, "newton_steps", "last_mesh_steps", "cpu_seconds")
     shown = [{k: _cell(row[k]) for k in (*fields, "peak_megabytes")} for row in rows]
     for line, row in zip(shown, rows, strict=True):
         line["newton_steps"] = _steps(row)
     parts = [
         "# Error against run time",
-        "Written by `python demos/work_precision.py`; all columns are in `work_precision.csv`.",
+        "Written by `python demos/work_precision.py`; all columns are in `work_precision.csv`, the "
+        "tables that follow in `work_precision_tables.csv`.",
         versions(),
-        *_section("To an energy, Chebyshev hemisphere", to_accuracy(rows)),
-        *_section("Against IPOPT, same discrete problem, order 2", against_peer(rows)),
-        *_section("Against the paper's schedule, same mesh, order 2", against_paper(rows)),
-        *_section("Growth with the mesh, default settings", growth(rows)),
-        f"Exponents are fitted from {FULL} unknowns on. Steps in brackets: not converged.",
-        *(part for title, lines in apart.items() for part in _section(title, lines)),
-        "Shares are of CPU seconds of one thread.",
+        *(part for title, lines in tables.items() for part in _section(title, lines)),
+        f"Exponents are fitted from {FULL} unknowns on. Steps in brackets: not converged. Shares "
+        "of time are of CPU seconds of one thread.",
         "## Omissions and tweaking",
         OMISSIONS.format(budget=BUDGET, left_out="; ".join(LEFT_OUT)),
         *_section("All solves", shown),
@@ -351,7 +440,6 @@ def _cell(value):
 
 
 def _section(title, lines):
-    lines = list(lines)
     if not lines:
         return []
     table = [lines[0].keys(), ["---"] * len(lines[0]), *(line.values() for line in lines)]
@@ -381,7 +469,14 @@ def main(*arguments):
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
         writer.writerows({name: _short(value) for name, value in row.items()} for row in rows)
-    text = page(rows, apart)
+    found = tables(rows, apart)
+    with open(docs / "work_precision_tables.csv", "w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(("table", "line", "column", "value"))
+        for title, lines in found.items():
+            for number, line in enumerate(lines):
+                writer.writerows((title, number, *cell) for cell in line.items())
+    text = page(rows, found)
     (docs / "work_precision.md").write_text(text, encoding="utf-8")
     plot(rows, out)
     print("\n" + text.split("## All solves")[0])

@@ -1,6 +1,6 @@
 """Which Chebyshev net, where a surface has many: the one that bends most evenly.
 
-A tie-break ε/2 ∫ |∇∇∇ψ|² chooses a net (`ngcloth.lagrangian.uneven_bending`) while ε falls; then
+A tie-break ε/2 ∫ |∇∇∇ψ|² chooses a net (`lagrangian._uneven_bending`) while ε falls; then
 steps on E alone free the net of the tie-break's bias.
 """
 

@@ -132,3 +132,10 @@ def test_files(rows, tmp_path, monkeypatch):
     assert "Omissions and tweaking" in text and f"ngsolve {demo.ngs.__version__}" in text
     (plot,) = tmp_path.glob("*.png")
     assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_readme_quotes_the_report():
+    docs = DEMOS.parent / "docs" / "work_precision.md"
+    table = docs.read_text(encoding="utf-8").split("## In short\n\n")[1].split("\n\n")[0]
+    assert table.count("\n") >= 5
+    assert table in (DEMOS.parent / "README.md").read_text(encoding="utf-8")

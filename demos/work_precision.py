@@ -25,6 +25,24 @@ from pathlib import Path
 import measuring
 import ngsolve as ngs
 import numpy as np
+from run_time_tables import (
+    CHEBYSHEV,
+    DEFAULT,
+    FULL,
+    MEASURES,
+    PAPER,
+    PEER,
+    RIM,
+    WEAK,
+    against_paper,
+    against_peer,
+    graded,
+    growth,
+    in_short,
+    select,
+    steps,
+    to_accuracy,
+)
 
 import ngcloth
 
@@ -33,18 +51,9 @@ COLUMNS = (
     "stretch_error newton_steps last_mesh_steps cpu_seconds wall_seconds peak_megabytes "
     "import_megabytes reason"
 ).split()
-DEFAULT, WEAK, PAPER, PEER = "default", "barrier_end 1e-5", "paper's schedule", measuring.PEER
-RIM = "rim_maxh = maxh²"
 REFERENCE = "reference"
 WEAKER = 1e-5
 BUDGET = 20.0  # CPU seconds for a solve by the paper's schedule
-AGREE = 1e-4  # relative difference of energies that count as equal
-FULL = 2000  # unknowns from which on exponents are fitted
-MEASURES = {
-    "energy_error": "energy $E/(2πk_c)$",
-    "outline_error": "outline, largest",
-    "stretch_error": "stretch, root mean square",
-}
 # Mesh sizes: at order 2, at order 4, of both references (inside, along the rim), of both
 # alternatives.
 MESHES = {
@@ -94,16 +103,12 @@ GRADED = {
     "hemicatenoid, ks = 1": (0.4, 0.2, 0.1),
 }
 WEAK_MESHES = 3  # as many of the first sizes are solved with the weak barrier as well
-CHEBYSHEV = "hemisphere, Chebyshev"
 EXACT_MESHES = {2: (0.2, 0.1, 0.05, 0.04, 0.025, 0.0125, 0.00625), 4: (0.4, 0.2, 0.1)}
 EXACT_MESHES |= {6: (0.4, 0.3, 0.2), 8: (0.4, 0.3)}
 PAPER_EXACT = {"schedule": "paper", "tolerance": 3e-9, "max_steps": 5000}
 PAPER_MESHES = (0.1, 0.04)
 # Not by the paper's schedule, which does not converge there within its budget.
 LEFT_OUT = "hemisphere, ks = 10", "hemicatenoid, ks = 100", "obstacle, ks = 100"
-# For the README: scenes, and the mesh on which all have solved them.
-SHORT = {"hemisphere, ks = 1": 0.05, "hemicatenoid, ks = 1": 0.1, "sphere, p = 0.85": 0.1}
-SHORT |= {"obstacle, ks = 1": 0.25}
 THREADED = {CHEBYSHEV: 0.0125, "hemisphere, ks = 1": 0.035, "sphere, p = 0.85": 0.1}
 PROFILED = {"hemisphere, ks = 1": 0.05, "sphere, p = 0.85": 0.1}
 QUICK = {"hemisphere, ks = 1": ((0.4, 0.3), (0.5,), ((0.5, None), (0.4, None)), (0.4,))}
@@ -187,160 +192,17 @@ def run(meshes, exact=True, report=None):
     return rows
 
 
-def select(rows, scene, curve, maxh=None):
-    """The rows of a curve."""
-    return [
-        row
-        for row in rows
-        if (row["scene"], row["curve"]) == (scene, curve) and maxh in (None, row["maxh"])
-    ]
-
-
-def against_peer(rows):
-    """Lines of a table: IPOPT over ngcloth on the same mesh with the weak barrier."""
-    for other in [row for row in rows if row["curve"] == PEER]:
-        (ours,) = select(rows, other["scene"], WEAK, other["maxh"])
-        apart = abs(ours["energy"] / other["energy"] - 1)
-        yield {
-            "scene": other["scene"],
-            "maxh": other["maxh"],
-            "energies apart": f"{apart:.1e}" + ("" if apart <= AGREE else " (not equal)"),
-            "steps, ngcloth": _steps(ours),
-            "on the finest mesh": _steps(ours, "last_mesh_steps"),
-            "steps, IPOPT": _steps(other),
-            "seconds, ngcloth": f"{ours['cpu_seconds']:.2f}",
-            "seconds, IPOPT": f"{other['cpu_seconds']:.2f}",
-            "ratio": f"{other['cpu_seconds'] / ours['cpu_seconds']:.1f}",
-        }
-
-
-def against_paper(rows):
-    """Lines of a table: the paper's schedule over the default on the same mesh."""
-    for other in [row for row in rows if row["curve"] == PAPER]:
-        ours = select(rows, other["scene"], DEFAULT, other["maxh"])
-        if ours:
-            done, seconds = other["reason"] == "CONVERGED", other["cpu_seconds"]
-            yield {
-                "scene": other["scene"],
-                "maxh": other["maxh"],
-                "steps, ngcloth": _steps(ours[0]),
-                "steps, paper": _steps(other),
-                "seconds, ngcloth": f"{ours[0]['cpu_seconds']:.2f}",
-                "seconds, paper": f"{seconds:.2f}",
-                "ratio": f"{'' if done else '> '}{seconds / ours[0]['cpu_seconds']:.0f}",
-            }
-
-
-def in_short(rows):
-    """Lines of a table for the README: steps and seconds beside those of the alternatives."""
-
-    def line(name, ours, paper, peer):
-        steps, last = _steps(ours), ours["last_mesh_steps"]
-        if last < ours["newton_steps"]:
-            steps += f", of which {last} on this mesh"
-        return {
-            "one thread": name,
-            "Newton steps": steps,
-            "seconds": f"{ours['cpu_seconds']:.2g}",
-            "IPOPT": f"{peer['newton_steps']} steps, {peer['cpu_seconds']:.2g}" if peer else "–",
-            "the paper's schedule": _seconds(paper) if paper else "–",
-        }
-
-    for goal in (1e-7, 1e-12):
-        ours, paper = _fastest(rows, goal), _fastest(rows, goal, by_paper=True)
-        if ours:
-            name = f"Chebyshev hemisphere to E/(2π kc) = {goal:g}, order {ours['order']}"
-            yield line(name, ours, paper, None)
-    for scene, maxh in SHORT.items():
-        ours, peers, papers = (select(rows, scene, c, maxh) for c in (WEAK, PEER, PAPER))
-        if ours:
-            yield line(f"{scene}, maxh {maxh}", ours[0], *(m[0] if m else None
-                       for m in (papers, peers)))  # fmt: skip
-
-
-def _seconds(row):
-    more = "" if row["reason"] == "CONVERGED" else "more than "
-    return f"{more}{row['cpu_seconds']:.2g}"
-
-
-def _fastest(rows, goal, by_paper=False):
-    """The row that takes least time to bring the energy of the Chebyshev scene below `goal`."""
-    good = (
-        row
-        for row in rows
-        if row["scene"] == CHEBYSHEV
-        and (row["curve"] == PAPER) == by_paper
-        and row["energy"] <= goal
-        and row["reason"] == "CONVERGED"
-    )
-    return min(good, key=lambda row: row["cpu_seconds"], default=None)
-
-
-def to_accuracy(rows):
-    """Lines of a table: seconds to an energy on the Chebyshev hemisphere."""
-    for goal in (1e-6, 1e-7, 1e-12):
-        line = {"E/(2π kc) below": f"{goal:g}"}
-        for name, paper in (("paper", True), ("ngcloth", False)):
-            best = _fastest(rows, goal, paper)
-            line[f"seconds, {name}"] = f"{best['cpu_seconds']:.2f}" if best else "–"
-            line[f"order, maxh, {name}"] = f"{best['order']}, {best['maxh']}" if best else "–"
-        yield line
-
-
-def growth(rows):
-    """Lines of a table: Newton steps, and exponents in the unknowns, along each mesh row."""
-    for scene in dict.fromkeys(row["scene"] for row in rows):
-        line = sorted(select(rows, scene, DEFAULT), key=lambda row: row["dofs"])
-        yield {
-            "scene": scene,
-            "triangles": ", ".join(str(row["triangles"]) for row in line),
-            "Newton steps": ", ".join(_steps(row) for row in line),
-            "on the finest mesh": ", ".join(_steps(row, "last_mesh_steps") for row in line),
-            "exponent of time": _exponent(line, lambda row: row["cpu_seconds"]),
-            "of memory": _exponent(
-                line, lambda row: row["peak_megabytes"] - row["import_megabytes"]
-            ),
-        }
-
-
-def graded(rows):
-    """Lines of a table: with which power of h the errors fall where elements are h² at the rim."""
-    for scene in dict.fromkeys(row["scene"] for row in rows):
-        line = [row for row in select(rows, scene, RIM) if row["reason"] == "CONVERGED"]
-        if len(line) > 1:
-            sizes = np.log([row["maxh"] for row in line])
-            powers = {
-                name: np.polyfit(sizes, np.log([row[name] for row in line]), 1)[0]
-                for name in MEASURES
-            }
-            yield {
-                "scene": scene,
-                "h": ", ".join(f"{row['maxh']:g}" for row in line),
-                "triangles": ", ".join(str(row["triangles"]) for row in line),
-                "Newton steps": ", ".join(_steps(row) for row in line),
-                **{f"power, {name.split('_')[0]}": f"{q:.1f}" for name, q in powers.items()},
-            }
-
-
-def _exponent(line, measure):
-    large = [row for row in line if row["dofs"] >= FULL]
-    if len(large) < 2:
-        return "–"
-    logs = np.log([(row["dofs"], measure(row)) for row in large])
-    return f"{np.polyfit(*logs.T, 1)[0]:.2f}"
-
-
 def then_two_threads(sizes):
     """Lines of a table: wall-clock seconds with one thread and with two."""
     for scene, maxh in sizes.items():
-        (one, steps), (two, other_steps) = (
+        (one, taken), (two, others) = (
             measuring.in_its_own_process(measuring.with_threads, scene, threads, maxh)
             for threads in (1, 2)
         )
         yield {
             "scene": scene,
             "maxh": maxh,
-            "Newton steps": f"{steps}, {other_steps}",
+            "Newton steps": f"{taken}, {others}",
             "seconds, one thread": f"{one:.2f}",
             "seconds, two": f"{two:.2f}",
             "ratio": f"{one / two:.2f}",
@@ -363,9 +225,9 @@ def cold_start():
 def where_the_time_goes(sizes):
     """Lines of a table: shares of CPU seconds."""
     for scene, maxh in sizes.items():
-        parts, total, steps = measuring.in_its_own_process(measuring.profile, scene, maxh)
+        parts, total, taken = measuring.in_its_own_process(measuring.profile, scene, maxh)
         shares = {part: f"{seconds / total:.0%}" for part, seconds in parts.items()}
-        yield {"scene": scene, "maxh": maxh, "Newton steps": steps, **shares}
+        yield {"scene": scene, "maxh": maxh, "Newton steps": taken, **shares}
 
 
 def measured_apart(threaded, profiled):
@@ -395,7 +257,7 @@ def page(rows, tables):
     fields = ("scene", "curve", "maxh", *MEASURES, "newton_steps", "last_mesh_steps", "cpu_seconds")
     shown = [{k: _cell(row[k]) for k in (*fields, "peak_megabytes")} for row in rows]
     for line, row in zip(shown, rows, strict=True):
-        line["newton_steps"] = _steps(row)
+        line["newton_steps"] = steps(row)
     parts = [
         "# Error against run time",
         "Written by `python demos/work_precision.py`; all columns are in `work_precision.csv`, the "
@@ -448,11 +310,6 @@ def plot(rows, folder):
         file = "".join(c if c.isalnum() else "_" for c in scene)
         figure.savefig(folder / f"work_precision_{file}.png", dpi=120)
         pyplot.close(figure)
-
-
-def _steps(row, which="newton_steps"):
-    steps = str(row[which])
-    return steps if row["reason"] == "CONVERGED" else f"({steps})"
 
 
 def _cell(value):

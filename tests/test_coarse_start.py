@@ -48,7 +48,7 @@ def test_steps_on_the_finest_mesh_do_not_grow():
 
 
 def test_correctors_save_steps(monkeypatch):
-    """Same patch; without correctors these take 33 and 50 steps."""
+    """Same patch; without correctors these take 33 and 18 steps."""
     for scene, maxh in (
         (scenes.hemicatenoid(1.0), 0.2),
         (scenes.sphere(0.7, shear_limit=cos(pi / 6)), 0.16),

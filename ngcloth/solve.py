@@ -21,7 +21,9 @@ from .scene import Scene
 
 FLOWS = {"adaptive": adaptive_flow, "paper": fixed_flow}
 INVERSES = ("sparsecholesky", "umfpack")
-COARSEST, COARSER = 0.3, 4  # mesh size over diameter, and over that of the next finer mesh
+COARSEST = 0.3  # mesh size over diameter
+REFINEMENTS = 2  # of a mesh, to give the next finer one
+COARSER = 2**REFINEMENTS
 
 
 def solve(
@@ -57,7 +59,8 @@ def solve(
     rim_maxh : float, optional
         Largest element size along the rim, at most `maxh`, the default. With taut threads a layer
         along the rim leaves an error in energy and outline that is of first order in this size;
-        with ``maxh**2`` it is of second order in `maxh`, for about five times as many triangles.
+        with ``maxh**2`` it is of second order in `maxh` on a hemisphere, for about five times as
+        many triangles.
         Such a mesh is solved without coarser ones.
     multiplier_order : int, optional
         Polynomial order of the multiplier η of equilibrium, in scenes with constraints. By
@@ -248,18 +251,18 @@ def make_mesh(scene, maxh, order, rim_maxh=None):
     if rim_maxh:
         for edge in face.edges["rim"]:
             edge.maxh = rim_maxh
-    levels = 0 if rim_maxh else _coarser_levels(scene, maxh)
+    levels = _coarser_levels(scene, maxh, rim_maxh)
     mesh = OCCGeometry(face, dim=2).GenerateMesh(maxh=maxh * COARSER**levels)
-    for _ in range(levels * (COARSER // 2)):
+    for _ in range(levels * REFINEMENTS):
         mesh.Refine()
     mesh = ngs.Mesh(mesh)
     mesh.Curve(order)
     return mesh
 
 
-def _coarser_levels(scene, maxh):
+def _coarser_levels(scene, maxh, rim_maxh):
     """How many coarser meshes are solved first."""
-    if not scene.constraints:
+    if rim_maxh or not scene.constraints:
         return 0
     return max(int(np.log(COARSEST * scene.surface.domain.diameter / maxh) / np.log(COARSER)), 0)
 
@@ -298,7 +301,7 @@ def _start_from_coarser_mesh(problem, recorder, settings):
     the patch is from its start, is found where steps are cheap.
     """
     scene, maxh = problem.scene, settings["maxh"]
-    if "rim_maxh" in settings or not _coarser_levels(scene, maxh):
+    if not _coarser_levels(scene, maxh, settings.get("rim_maxh")):
         return False
     coarse = _discretised(scene, settings | {"maxh": COARSER * maxh})
     warm = _start_from_coarser_mesh(coarse, recorder, coarse.settings)

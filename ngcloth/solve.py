@@ -24,6 +24,7 @@ INVERSES = ("sparsecholesky", "umfpack")
 COARSEST = 0.3  # mesh size over diameter
 REFINEMENTS = 2  # of a mesh, to give the next finer one
 COARSER = 2**REFINEMENTS
+LEAST_ORDER = 2  # of ψ, to begin with
 
 
 def solve(
@@ -112,9 +113,9 @@ def solve(
     Notes
     -----
     Scenes with limits are solved on coarser meshes first. Each mesh is a refinement of the one
-    before, four times as fine, and each patch a start for the next; their rows in the history are
-    of phase "coarse", and a solve that stops there returns the patch on that mesh, as its
-    ``settings["maxh"]`` says.
+    before, four times as fine, and each patch a start for the next; so are those of half the
+    order, down to 2. Their rows in the history are of phase "coarse", and a solve that stops there
+    returns that patch, as its ``settings["maxh"]`` and ``settings["order"]`` say.
 
     Ctrl-C ends the solve with ``Reason.INTERRUPTED`` and the last accepted step.
     """
@@ -267,6 +268,21 @@ def _coarser_levels(scene, maxh, rim_maxh):
     return max(int(np.log(COARSEST * scene.surface.domain.diameter / maxh) / np.log(COARSER)), 0)
 
 
+def _coarser(scene, settings):
+    """Settings of the discretisation that is solved first, of half the order or on a coarser mesh.
+
+    None if there is none.
+    """
+    if scene.constraints and settings["order"] > LEAST_ORDER:
+        order = max(-(-settings["order"] // 2), LEAST_ORDER)
+        multiplier_order = min(settings["multiplier_order"], order)
+        half = {"order": order, "quadrature": 2 * order + 2, "multiplier_order": multiplier_order}
+        return settings | half
+    if _coarser_levels(scene, settings["maxh"], settings.get("rim_maxh")):
+        return settings | {"maxh": COARSER * settings["maxh"]}
+    return None
+
+
 def _discretised(scene, settings):
     mesh = make_mesh(scene, settings["maxh"], settings["order"], settings.get("rim_maxh"))
     arguments = (settings[name] for name in ("order", "quadrature", "inverse"))
@@ -284,7 +300,7 @@ def _run(problem, recorder, settings):
     if scene.in_equilibrium:
         if settings["schedule"] == "paper":
             return saddle_flow(problem, recorder, settings.get("barrier_end", 0), tolerance)
-        warm = not recorder.memory and _start_from_coarser_mesh(problem, recorder, settings)
+        warm = not recorder.memory and _start_from_coarser(problem, recorder, settings)
         if recorder.exhausted:
             return recorder.why
         return interior_point(problem, recorder, settings.get("barrier_end", tolerance), warm=warm)
@@ -294,17 +310,17 @@ def _run(problem, recorder, settings):
     return flow(problem, recorder, "flow", tolerance)
 
 
-def _start_from_coarser_mesh(problem, recorder, settings):
-    """Set the state to the solution on the next coarser mesh, at a stronger barrier, if it fits.
+def _start_from_coarser(problem, recorder, settings):
+    """Set the state to the solution of the next coarser problem, at a stronger barrier, if it fits.
 
     Returns whether it does; else the state is as it was. Where the limits are active, and how far
     the patch is from its start, is found where steps are cheap.
     """
-    scene, maxh = problem.scene, settings["maxh"]
-    if not _coarser_levels(scene, maxh, settings.get("rim_maxh")):
+    coarser = _coarser(problem.scene, settings)
+    if coarser is None:
         return False
-    coarse = _discretised(scene, settings | {"maxh": COARSER * maxh})
-    warm = _start_from_coarser_mesh(coarse, recorder, coarse.settings)
+    coarse = _discretised(problem.scene, coarser)
+    warm = _start_from_coarser(coarse, recorder, coarse.settings)
     reason = interior_point(
         coarse, recorder, max(WARM_MU, settings["barrier_end"]), phase="coarse", warm=warm
     )

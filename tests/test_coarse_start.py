@@ -20,7 +20,7 @@ def from_scene_start(monkeypatch):
 
     def solve(scene, **settings):
         with monkeypatch.context() as patch:
-            patch.setattr(solving, "_start_from_coarser_mesh", lambda *_: False)
+            patch.setattr(solving, "_start_from_coarser", lambda *_: False)
             return ngcloth.solve(scene, **settings)
 
     return solve
@@ -103,6 +103,33 @@ def test_patch_far_from_the_limits_is_no_start():
     own = [row for row in result.history if row.phase == "barrier"]
     assert result.converged
     assert own[0].mu > WARM_MU
+
+
+@pytest.mark.parametrize("order", [3, 6])
+def test_half_the_order_leads_to_the_same_patch(order, from_scene_start):
+    scene, maxh = scenes.hemicatenoid(1.0), 0.3
+    nested = ngcloth.solve(scene, maxh=maxh, order=order)
+    direct = from_scene_start(scene, maxh=maxh, order=order)
+    assert nested.converged and direct.converged
+    assert nested.energy == pytest.approx(direct.energy, rel=1e-4)
+    np.testing.assert_allclose(nested.outline(100), direct.outline(100), atol=5e-3)
+    assert nested.last_mesh_iterations < 0.6 * direct.newton_iterations
+
+
+def test_steps_do_not_grow_with_the_order():
+    """From the scene's start it takes up to 39."""
+    counts = [
+        ngcloth.solve(scenes.hemisphere(1.0), maxh=0.3, order=order).newton_iterations
+        for order in (2, 3, 4, 5, 7)
+    ]
+    assert max(counts) <= 20
+    assert max(counts) < 2 * min(counts)
+
+
+def test_stop_at_a_lower_order_is_told():
+    result = ngcloth.solve(scenes.hemisphere(10.0), maxh=0.3, order=5, max_steps=3)
+    assert result.reason is Reason.STEP_BUDGET
+    assert (result.settings["maxh"], result.settings["order"]) == (0.3, 2)
 
 
 def test_stop_on_a_coarse_mesh_is_told():

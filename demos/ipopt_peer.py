@@ -31,9 +31,9 @@ import ngcloth
 from ngcloth.constrained import ConstrainedLagrangian
 from ngcloth.errors import InputError
 from ngcloth.history import Reason, Recorder
-from ngcloth.interior_point import feasible_start
 from ngcloth.result import Result
 from ngcloth.solve import make_mesh
+from ngcloth.start import feasible_start
 
 try:
     import casadi as ca

@@ -84,11 +84,23 @@ class ConstrainedLagrangian(Lagrangian):
         self.psi_dofs = slice(0, self.fes.Range(1).stop)
         norm = self._h1_matrix(range(len(trial)))
         self._riesz = norm.Inverse(self.free, inverse="sparsecholesky")
-        self._inside = ngs.Projector(self.free, True)
+        self.relaxed = False
         self.eta_flow = self._h1_matrix((2, 3))
         self._force, self._rest = (self.state.vec.CreateVector() for _ in range(2))
 
     # What the loop asks -------------------------------------------------------------------
+
+    @property
+    def relaxed(self):
+        """Whether equilibrium is not asked for, and η stays as it is."""
+        return self._relaxed
+
+    @relaxed.setter
+    def relaxed(self, relaxed):
+        self._relaxed, self._moving = relaxed, ngs.BitArray(self.free)
+        if relaxed:
+            self._moving[self.psi_dofs.stop :] = False
+        self._inside = ngs.Projector(self._moving, True)
 
     @of_state
     def slacks(self):
@@ -148,9 +160,12 @@ class ConstrainedLagrangian(Lagrangian):
         """The virtual work of sliding the cloth along η, over kc."""
         return self._work.Energy(self.state.vec)
 
-    @of_state
     def imbalance(self):
-        """Dual norm of the in-plane force on the cloth inside the rim."""
+        """Dual norm of the in-plane force on the cloth inside the rim; zero while relaxed."""
+        return 0.0 if self.relaxed else self._imbalance()
+
+    @of_state
+    def _imbalance(self):
         self._force.data = self._work_gradient()
         self._force.FV().NumPy()[self.psi_dofs] = 0
         return self.dual_norm(self._force)
@@ -171,12 +186,12 @@ class ConstrainedLagrangian(Lagrangian):
         softened = None
         if self.inverse == "sparsecholesky":
             matrix.AsVector().data -= SOFTENING * self.eta_flow.AsVector()
-            softened = matrix.Inverse(self.free, inverse="sparsecholesky")
+            softened = matrix.Inverse(self._moving, inverse="sparsecholesky")
             matrix.AsVector().data += SOFTENING * self.eta_flow.AsVector()
 
         @cache
         def pivoted():
-            return matrix.Inverse(self.free, inverse="umfpack")
+            return matrix.Inverse(self._moving, inverse="umfpack")
 
         def solve(load, out):
             if softened is not None and self._refine(matrix, softened, load, out):

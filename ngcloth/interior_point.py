@@ -8,10 +8,13 @@ pseudo-time term, 1/Δt times the flow's inner product, raised until the step ha
 
 import numpy as np
 
-from .errors import InputError
 from .history import Reason
+from .start import feasible_start
 
 FIRST_MU, WARM_MU = 1.0, 0.2  # of a solve from the scene's start, and from a coarser mesh
+# A start of more energy per area over kc is relaxed first: without equilibrium, and at this
+# fraction of that energy as μ, but no more than the last.
+STRESSED, STRESSED_MU, LARGEST_FIRST_MU = 200.0, 0.02, 200.0
 # 1/Δt. A rate that negative curvature or a refused step asks for is at least the second; above the
 # third, rates do not last: the barrier's Hessian would no longer bend steps from the boundary.
 LEAST_RATE, FIRST_RATE, LASTING_RATE, LARGEST_RATE = 1e-9, 1e-2, 1e2, 1e6
@@ -20,11 +23,10 @@ TO_BOUNDARY = 0.99  # a step may use up this fraction of a slack variable or a m
 # step twice as long and a bit, and for products s z within this factor of μ.
 CORRECTORS, CUT, LONGER, CENTRED = 3, 0.9, (2.0, 0.1), 10.0
 CRUSHED = 0.3  # a step may not shrink the least J by more than this factor
-LEAST_SLACK = 1e-2  # of slack variables at the start, times √μ
+LEAST_SLACK = 1e-2  # of slack variables at the start, times √μ below 1
 SHORT, SHORT_STEPS, RAISE = 0.1, 3, 5.0  # after so many such steps in a row μ is raised
 FAR = -0.1  # a patch from a coarser mesh that misses limits by more is no start
 DUAL_RANGE = 1e10  # multipliers z are kept within this factor of μ/s, the value they tend to
-STRETCHED = 10.0  # energy per area over kc above which a start is dilated
 SHORTEST = 1e-8
 FORGET, REFUSALS = 4, 12  # refused steps in a row until the filter is emptied, until the end
 
@@ -52,14 +54,23 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
     """
     if not (warm or recorder.memory):
         feasible_start(problem, recorder)
-    if problem.slack_names:
-        iterate = Iterate(problem, max(WARM_MU, last_mu) if warm else FIRST_MU)
-    else:  # no barrier to weaken
+    stress = problem.cost() / problem.area
+    if not problem.slack_names:  # no barrier to weaken
         iterate = Iterate(problem, last_mu)
+    elif warm:
+        iterate = Iterate(problem, max(WARM_MU, last_mu))
+    elif stress > STRESSED:
+        first_mu = min(STRESSED_MU * stress, LARGEST_FIRST_MU)
+        iterate = Iterate(problem, first_mu, relaxed=True)
+    else:
+        iterate = Iterate(problem, FIRST_MU)
     if recorder.memory:
         iterate.recall(**recorder.memory)
     while not recorder.exhausted:
         error = iterate.error()
+        if iterate.relaxed and error <= 10 * iterate.mu:
+            iterate.relax(False)
+            continue
         if iterate.mu > last_mu and error <= 10 * iterate.mu:
             iterate.set_mu(max(min(0.2 * iterate.mu, iterate.mu**1.5), last_mu))
             continue
@@ -75,47 +86,6 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
     return recorder.why
 
 
-def feasible_start(problem, recorder):
-    """Scale the start until it is feasible; dilate one that is stretched many times over.
-
-    Dilation ψ → s ψ is the direction along which such a start loses energy fastest; Newton steps
-    would take off a quarter of the stretch at a time.
-
-    Raises
-    ------
-    InputError
-        If no multiple of the start is feasible.
-    """
-    psi = problem.state.vec
-    given = psi.CreateVector()
-    given.data = psi
-
-    def least_slacks():
-        folded = not problem.least_jacobian() > 0
-        return np.array([-np.inf if folded else c.min() for c in problem.slacks()])
-
-    for scale in sorted(1.25 ** np.arange(-30.0, 31.0), key=lambda s: abs(np.log(s))):
-        psi.data = float(scale) * given
-        if (least_slacks() > 0).all() and np.isfinite(problem.cost()):
-            break
-    else:
-        psi.data = given
-        allowed = "a map of which some multiple has finite energy"
-        if problem.slack_names:
-            worst = problem.slack_names[int(np.argmin(least_slacks()))]
-            allowed += f" and respects the limit of {worst}"
-        raise InputError("start", problem.scene.start, allowed)
-    room = np.minimum(0.1, least_slacks() / 2)
-    while problem.cost() > STRETCHED * problem.area:
-        psi.data *= 1.1
-        if not (least_slacks() >= room).all():
-            psi.data *= 1 / 1.1
-            break
-        scale *= 1.1
-    if scale != 1 and recorder.log:
-        recorder.log(f"start multiplied by {scale:.3g}")
-
-
 class Iterate:
     """ψ, η, slack variables s and multipliers z, moved by primal-dual Newton steps.
 
@@ -129,20 +99,27 @@ class Iterate:
         Its `state` holds ψ and η.
     mu : float
         The first barrier weight.
+    relaxed : bool, optional
+        Whether to begin without equilibrium.
     """
 
-    def __init__(self, problem, mu):
-        self.problem = problem
+    def __init__(self, problem, mu, relaxed=False):
+        self.problem, self.largest_mu = problem, 10 * mu if relaxed else FIRST_MU
         self.set_mu(mu)
         self.c = problem.slacks()
-        self.s = np.maximum(self.c, LEAST_SLACK * np.sqrt(mu))
+        self.s = np.maximum(self.c, LEAST_SLACK * min(np.sqrt(mu), 1))
         self.z = mu / self.s
         self.rate, self.refusals, self.short_steps = mu if problem.slack_names else 1.0, 0, 0
         vector = problem.state.vec
         self._before, self._force, self._cost_gradient, self._psi_step = (
             vector.CreateVector() for _ in range(4)
         )
-        self._largest_violation = 1e4 * max(1.0, self._violation())
+        self.relax(relaxed)
+
+    def relax(self, relaxed):
+        """Let go of equilibrium, or ask for it."""
+        self.relaxed = self.problem.relaxed = relaxed
+        self._filter, self._largest_violation = [], 1e4 * max(1.0, self._violation())
 
     def set_mu(self, mu):
         """Set the barrier's weight, and empty the filter: the objective has changed."""
@@ -156,13 +133,17 @@ class Iterate:
             "s": self.s,
             "z": self.z,
             "rate": self.rate,
+            "relaxed": self.relaxed,
+            "largest_mu": self.largest_mu,
             "filter": np.reshape(self._filter, (-1, 2)),
             "largest_violation": self._largest_violation,
         }
 
-    def recall(self, mu, s, z, rate, filter, largest_violation):
+    def recall(self, mu, s, z, rate, relaxed, largest_mu, filter, largest_violation):
         """Go on from where `memory` was taken."""
         self.set_mu(float(mu))
+        self.relax(bool(relaxed))
+        self.largest_mu = float(largest_mu)
         self.s, self.z, self.rate = s, z, float(rate)
         self._filter = [tuple(pair) for pair in filter]
         self._largest_violation = float(largest_violation)
@@ -211,8 +192,9 @@ class Iterate:
     def _raise_mu_if_short(self, length):
         """Return to a stronger barrier where the boundary has cut several steps in a row."""
         self.short_steps = self.short_steps + 1 if length < SHORT else 0
-        if self.short_steps == SHORT_STEPS and self.mu < FIRST_MU / 2 and self.problem.slack_names:
-            self.set_mu(min(RAISE * self.mu, FIRST_MU))
+        raisable = self.mu < self.largest_mu / 2 and self.problem.slack_names
+        if self.short_steps == SHORT_STEPS and raisable:
+            self.set_mu(min(RAISE * self.mu, self.largest_mu))
             self.rate, self.short_steps = min(self.rate, 1.0), 0
 
     def _direction(self, recorder):

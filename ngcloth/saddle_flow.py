@@ -3,7 +3,7 @@
 import numpy as np
 
 from .history import Reason
-from .interior_point import feasible_start
+from .start import feasible_start
 
 FIRST_MU = 10.0
 TIME_STEP = 0.1

@@ -2,12 +2,17 @@
 
 from .history import Reason
 from .newton import newton_step
+from .start import dilate
 
 # 1/Δt is this fraction of the energy per area that the last step had in sight: long steps follow
 # by themselves as the flow comes to rest, and convergence stays quadratic.
 DAMPING = 0.05
 LEAST_ANGLE_SINE = 0.0314  # sin 1.8°: what a mesh of default size shows at a collapse
 UNRESOLVED = 0.1  # strain that inextensible threads cannot have
+# The Hessian takes over from Gauss-Newton where a step has less than the first of L in sight, and
+# brings another decrease than it promised, but not one of negative curvature. It stays while it
+# accepts steps of at least `LONG`.
+NEAR, FAITHFUL, CONVEX, LONG = 0.1, (0.7, 1.4), 2.0, 0.25
 ROUND_OFF_OF_VALUE = 1e-14
 ROUND_OFF = 1e-26  # energy per area of strains of 1e-13
 
@@ -32,18 +37,25 @@ def adaptive_flow(problem, recorder, phase, tolerance):
     """
     sight = float(recorder.memory.pop("sight", problem.value()))
     boost = float(recorder.memory.pop("boost", 1.0))
+    exact = bool(recorder.memory.pop("exact", False))
     floor = ROUND_OFF * problem.area
+    if not recorder.rows:
+        dilate(problem)
     while not recorder.exhausted:
         rate = DAMPING * boost * max(sight, floor) / problem.area
-        step = newton_step(problem, rate)
+        step = newton_step(problem, rate, exact=exact)
         recorder.newton += 1
+        if exact and step.length == 0:  # not convex here
+            exact = False
+            continue
+        exact = step.length >= LONG if exact else _unfaithful(problem, step)
         # Below the round-off of L the line search decides by chance; the decrement still tells.
         small = tolerance if boost == 1 else ROUND_OFF_OF_VALUE / boost
         at_rest = step.decrement <= small * problem.value() + floor
         if step.length == 1:
             sight = step.decrement
         if step.length == 1 and step.ratio > 0.5:
-            boost = max(boost / 3, 1.0)
+            boost = max(boost / 8, 1.0)
         elif step.length < 0.25:
             boost *= 8
         if step.length > 0:
@@ -57,6 +69,7 @@ def adaptive_flow(problem, recorder, phase, tolerance):
                 length=step.length,
                 sight=sight,
                 boost=boost,
+                exact=exact,
             )
         if at_rest:
             stretched = problem.scene.inextensible and problem.largest_strain() > UNRESOLVED
@@ -66,6 +79,13 @@ def adaptive_flow(problem, recorder, phase, tolerance):
         if boost > 1e15:
             return Reason.STALLED
     return recorder.why
+
+
+def _unfaithful(problem, step):
+    """Whether a step near the end was of Gauss-Newton, and not what it promised."""
+    faithful = step.length == 1 and FAITHFUL[0] < step.ratio < FAITHFUL[1]
+    near = step.decrement <= NEAR * problem.value()
+    return problem.gauss_newton and near and not faithful and step.ratio < CONVEX
 
 
 def collapsed(problem):

@@ -43,7 +43,7 @@ class Lagrangian:
     inverse : str
         NGSolve's name of the direct solver.
     gauss_newton : bool
-        Whether `hessian` is the Gauss-Newton matrix of a Chebyshev scene.
+        Whether `hessian` is the Gauss-Newton matrix of a Chebyshev scene, unless asked otherwise.
 
     Attributes
     ----------
@@ -83,7 +83,9 @@ class Lagrangian:
         cloth = self._kinematics(self.fes.TrialFunction())
         self._energy = self._symbolic_energy(cloth.jacobian * self._density(cloth))
         self._roots = []
-        self._model = self._gauss_newton(cloth, here) if gauss_newton else self._energy
+        self._model = self._energy
+        self.gauss_newton = gauss_newton
+        self._squares = self._sum_of_squares(cloth, here) if gauss_newton else None
         self._tie_break = _uneven_bending(self.fes) if scene.tie_break else None
 
     # What the loops ask -------------------------------------------------------------------
@@ -107,15 +109,16 @@ class Lagrangian:
         if self._tie_break is not None:
             out.data += self.mu * (self._tie_break * self.state.vec)
 
-    def hessian(self):
-        """The second derivative of the Lagrangian, or its Gauss-Newton part if so asked.
+    def hessian(self, exact=False):
+        """The second derivative of the Lagrangian, or its Gauss-Newton part unless `exact`.
 
         The matrix is assembled anew at each call, into the same memory.
         """
+        model = self._squares if self.gauss_newton and not exact else self._model
         for field, expression in self._roots:
             field.Interpolate(expression)
-        self._model.AssembleLinearization(self.state.vec)
-        matrix = self._model.mat
+        model.AssembleLinearization(self.state.vec)
+        matrix = model.mat
         if self._tie_break is not None:
             matrix.AsVector().data += self.mu * self._tie_break.AsVector()
         return matrix
@@ -184,7 +187,7 @@ class Lagrangian:
         form += ngs.Variation(density.Compile() * self._dx)
         return form
 
-    def _gauss_newton(self, cloth, here):
+    def _sum_of_squares(self, cloth, here):
         """The energy whose Hessian at the current state is the Gauss-Newton matrix of E.
 
         A Chebyshev scene minimises a sum of squares Σ r² that vanishes at the solution. The

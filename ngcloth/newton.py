@@ -28,7 +28,7 @@ class Step:
     ratio: float
 
 
-def newton_step(problem, rate, anchor=None):
+def newton_step(problem, rate, anchor=None, exact=False):
     """Try one Newton step for min L(ψ) + ½ rate |ψ − anchor|².
 
     Parameters
@@ -39,6 +39,8 @@ def newton_step(problem, rate, anchor=None):
         1/Δt, the weight of the flow's inner product.
     anchor : BaseVector, optional
         The state at the beginning of the backward Euler step. By default the present one.
+    exact : bool, optional
+        Whether to use the Hessian also where there is a Gauss-Newton matrix.
 
     Returns
     -------
@@ -51,7 +53,7 @@ def newton_step(problem, rate, anchor=None):
     problem.gradient(residual)
     if anchor is not None:
         residual.data += rate * (problem.flow * (before - anchor))
-    matrix = problem.hessian()
+    matrix = problem.hessian(exact)
     matrix.AsVector().data += rate * problem.flow.AsVector()
     direction.data = -matrix.Inverse(problem.free, inverse=problem.inverse) * residual
 

@@ -1,0 +1,109 @@
+"""Starts far from the answer: scaled, dilated and relaxed, they lead to it in few steps."""
+
+from math import cos, pi
+
+import ngsolve as ngs
+import numpy as np
+import pytest
+
+from ngcloth import Disk, Net, Reason, Scene, Surface, scenes, solve
+from ngcloth.constrained import ConstrainedLagrangian
+from ngcloth.solve import make_mesh
+from ngcloth.start import STRETCHED, dilate
+
+BUMP = Surface(lambda x, y: (x, y, ngs.exp(-(x * x + y * y) / 0.09)), Disk())
+FAR = scenes.sphere(0.95, shear_limit=cos(pi / 6))  # λ up to 40 at its start
+
+
+def discretised(scene, maxh=0.3):
+    mesh = make_mesh(scene, maxh, order=2)
+    return ConstrainedLagrangian(scene, mesh, 2, 6, "sparsecholesky", multiplier_order=2)
+
+
+def with_start(scene, start):
+    return Scene(scene.surface, scene.fabric, scene.constraints, start, symmetric=True)
+
+
+@pytest.mark.parametrize("start", [(0.1, 2.0), (2.0, 0.1), (0.02, 0.02)])
+def test_thread_stretched_many_times_over(start):
+    """ψ1 and ψ2 are dilated apart from each other; without, the first takes 351 steps."""
+    dome = scenes.hemisphere(1.0)
+    result, usual = solve(with_start(dome, start), maxh=0.3), solve(dome, maxh=0.3)
+    assert result.converged
+    assert result.energy == pytest.approx(usual.energy, rel=1e-4)
+    assert result.newton_iterations <= 25
+
+
+def test_dilation_stops_where_the_cost_is_small_or_the_state_not_allowed():
+    problem = discretised(with_start(scenes.hemisphere(1.0), (0.05, 0.05)))
+    vector, size = problem.state.vec.FV().NumPy(), np.linalg.norm(problem.state.vec.FV().NumPy())
+    kept = vector.copy()
+    dilate(problem, allowed=lambda: np.linalg.norm(vector) < 1.5 * size)
+    assert np.linalg.norm(vector) == pytest.approx(1.1**4 * size)
+    dilate(problem)
+    assert STRETCHED / 2 < problem.cost() / problem.area <= STRETCHED
+    vector[:] = kept / kept.max()
+    kept = vector.copy()
+    dilate(problem)
+    assert np.array_equal(vector, kept)
+
+
+def test_stretched_chebyshev_start():
+    """E(sψ) falls by the fourth power of s, and Newton's method by a quarter at a time."""
+    sphere = scenes.sphere(0.7)
+    stretched = Scene(sphere.surface, Net(), (), start=(0.01, 0.01), symmetric=True)
+    results = [solve(scene, maxh=0.2) for scene in (sphere, stretched)]
+    assert all(result.converged for result in results)
+    assert results[0].energy == pytest.approx(results[1].energy, rel=1e-4)
+    assert results[1].newton_iterations <= results[0].newton_iterations + 4
+
+
+def test_stressed_start_is_relaxed_first():
+    """Begun with equilibrium, at a barrier a thousandth of the stress, it takes 491 steps."""
+    result = solve(FAR, maxh=0.25)
+    assert result.converged
+    assert result.newton_iterations <= 80
+    assert result.history[0].mu > 1
+
+
+def test_relaxed_steps_leave_equilibrium_alone():
+    """η does not move, and the energy falls as it never could in equilibrium."""
+    problem = discretised(FAR, 0.25)
+    problem.relaxed = True
+    assert problem.imbalance() == 0
+    problem.gradient(problem.direction.vec)
+    force, step = problem.direction.vec.CreateVector(), problem.direction.vec.CreateVector()
+    force.data = problem.direction.vec
+    matrix = problem.hessian()
+    matrix.AsVector().data += 100 * problem.flow.AsVector()
+    problem.solver(matrix)(force, step)
+    assert np.abs(step.FV().NumPy()[problem.psi_dofs.stop :]).max() == 0
+    problem.relaxed = False
+    assert problem.imbalance() > 0
+    problem.solver(matrix)(force, step)
+    assert np.abs(step.FV().NumPy()[problem.psi_dofs.stop :]).max() > 0
+
+
+@pytest.mark.parametrize("steps", [5, 30])
+def test_relaxed_solve_is_taken_up_again(steps, tmp_path):
+    path = tmp_path / "run.npz"
+    whole = solve(FAR, maxh=0.25)
+    cut = solve(FAR, maxh=0.25, checkpoint=path, max_steps=steps)
+    assert cut.reason is Reason.STEP_BUDGET
+    rest = solve(FAR, maxh=0.25, checkpoint=path)
+    # Steps cut very short differ by rounding between two runs of the same solve, too.
+    assert abs(rest.newton_iterations - whole.newton_iterations) <= 5
+    assert rest.energy == pytest.approx(whole.energy, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "scene, maxh, energy",
+    [(scenes.sphere(0.83), 0.1, 1.2199e-4), (Scene(BUMP, Net(), symmetric=True), 0.12, 8.3877e-4)],
+    ids=["almost collapsed", "bump"],
+)
+def test_hessian_takes_over_from_gauss_newton(scene, maxh, energy):
+    """Where the mesh leaves a residual, Gauss-Newton alone takes 23 and 64 steps."""
+    result = solve(scene, maxh=maxh)
+    assert result.converged
+    assert result.normalized_energy == pytest.approx(energy, rel=1e-3)
+    assert result.newton_iterations <= 18

@@ -18,7 +18,7 @@ ROUND_OFF = 1e-26  # energy per area of strains of 1e-13
 
 
 def adaptive_flow(problem, recorder, phase, tolerance):
-    """Flow to rest, one Newton step to each backward Euler step.
+    """Flow to rest, one Newton step to each backward Euler step; dilate a stretched start first.
 
     Parameters
     ----------

@@ -53,11 +53,10 @@ class ConstrainedLagrangian(Lagrangian):
             [ngs.GridFunction(self.points) for _ in slacks] for _ in range(3)
         )
         self.direction = ngs.GridFunction(self.fes)
-        sliding = gradient(*self.direction.components[:2])
         self._c_here = [slack.Compile() for slack in self._slacks(here)]
-        self._dc_here = [
-            slack.Diff(here.gradient, sliding).Compile() for slack in self._slacks(here)
-        ]
+        self._dc_here = [slack.Diff(here.gradient).Compile() for slack in self._slacks(here)]
+        self._gradients = self.points**4
+        self._flat_weights = self._point_weights(ngs.CF(1.0))
 
         # The energy whose Hessian at the current state is the primal-dual matrix: z, the value c
         # of the slack and the stiffness z/s are frozen.
@@ -77,7 +76,6 @@ class ConstrainedLagrangian(Lagrangian):
         sliding_work = cloth.jacobian * ngs.InnerProduct(stress, strain)
         self._work = self._symbolic_energy(sliding_work)
         cost = cloth.jacobian * self._density(cloth)
-        self._limits = self._symbolic_energy(area * limits)
         self._model = self._symbolic_energy(cost + area * limits)
         self._model += ngs.Variation(sliding_work.Compile() * self._dx)
 
@@ -109,7 +107,20 @@ class ConstrainedLagrangian(Lagrangian):
 
     def slack_changes(self):
         """Derivatives of all slacks along ψ of `direction`, (slacks, points)."""
-        return self._values(self._dc_here)
+        if not self.slack_names:
+            return np.empty((0, self.points.ndof))
+        change = (self._sampling * self.direction.vec).Evaluate().FV().NumPy().reshape(4, -1)
+        return (self._slack_gradients() * change).sum(axis=1) / self._flat_weights
+
+    @of_state
+    def _slack_gradients(self):
+        """Derivatives of all slacks by the components of ∇ψ, (slacks, 4, points)."""
+        field = ngs.GridFunction(self._gradients)
+        values = np.empty((len(self._dc_here), 4, self.points.ndof))
+        for row, expression in zip(values, self._dc_here, strict=True):
+            field.Interpolate(expression)
+            row[:] = field.vec.FV().NumPy().reshape(4, -1)
+        return values
 
     def take(self, coarse):
         """Interpolate ψ and η from the state of a coarser mesh. Returns whether J > 0."""
@@ -136,8 +147,14 @@ class ConstrainedLagrangian(Lagrangian):
 
     def gradient(self, out):
         """Write ∇E + ∇(work) − Σ z ∇c at the current state, with the frozen z, to `out`."""
-        self._limits.Apply(self.state.vec, out)
-        out.data += self._cost_gradient() + self._work_gradient()
+        out.data = self._cost_gradient() + self._work_gradient()
+        if self.slack_names:
+            z = np.array([field.vec.FV().NumPy() for field in self._z])[:, None]
+            push = self._sampling.CreateColVector()
+            push.FV().NumPy()[:] = (
+                (z * self._slack_gradients()).sum(axis=0) * self.weights / self._flat_weights
+            ).ravel()
+            out.data -= self._sampling.T * push
 
     def cost_gradient(self, out):
         """Write the derivative of `cost` to the vector `out`."""
@@ -245,6 +262,14 @@ class ConstrainedLagrangian(Lagrangian):
             self._probe.Interpolate(expression)
             row[:] = self._probe.vec.FV().NumPy()
         return values
+
+    @cached_property
+    def _sampling(self):
+        """The matrix from ψ and η to the components of ∇ψ at the points, times their weights."""
+        form = ngs.BilinearForm(trialspace=self.fes, testspace=self._gradients)
+        psi1, psi2 = self.fes.TrialFunction()[:2]
+        form += ngs.CF((ngs.grad(psi1), ngs.grad(psi2))) * self._gradients.TestFunction() * self._dx
+        return form.Assemble().mat
 
     def _point_weights(self, area):
         """The weights with which sums over the sampling points are integrals over the surface."""

@@ -122,18 +122,13 @@ _FOLDED_ELLIPSOID = (
 )
 EXPLANATIONS = {
     ("ks/kc, hemicatenoid", "1e+06"): (
-        "The barrier's weight is relative to kc while forces are a million times that: probably "
-        "the tests for the next barrier are below the round-off of the forces."
+        "The cloth can move only without shearing, along a curved valley: a step that leaves it by "
+        "1e-3 raises forces by 1e3, and the filter cuts two steps of three, often a hundredfold."
     ),
     ("kc1/kc2, Chebyshev", "0.0001"): (
-        "Steps are shortened again and again along the valley of the weaker threads' energy, which "
-        "the mesh leaves. The Newton decrement is 1e-12 of E at the end, but as long as steps are "
-        "damped it is not believed."
-    ),
-    ("portion of the sphere, γmax = cos π/6", "0.99"): (
-        "The radius of the chart is 10: the metric varies ten-thousandfold over a few triangles, "
-        "and the last iterate is folded between the integration points. The reason is right in "
-        "that the mesh is too coarse."
+        "On this mesh the weaker threads are stretched by 23 %, which costs next to nothing; threads "
+        "that are to be inextensible and stretch by more than a tenth are no net, and the solve says "
+        "so. At maxh 0.1, 0.05 and 0.03 it converges, with 9 %, 4 % and 1 %."
     ),
     ("height of the hemicatenoid, ks = 1", "3"): (
         "The patch is a minimum, but its ends overlap in the plane: nothing in the problem forbids "
@@ -141,11 +136,6 @@ EXPLANATIONS = {
     ),
     ("half an ellipsoid, ks = 1", "1:1:10"): _FOLDED_ELLIPSOID,
     ("half an ellipsoid, ks = 1", "1:1:10, maxh 0.25"): _FOLDED_ELLIPSOID,
-    ("half an ellipsoid, ks = 1", "1:1:0.1"): _FOLDED_ELLIPSOID,
-    ("half an ellipsoid, ks = 1", "1:10:1"): (
-        "Elements crumple on the way, with λ up to 980, and steps are cut short for them; at maxh "
-        "0.07 it is no better."
-    ),
 }
 
 

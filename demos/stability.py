@@ -126,9 +126,9 @@ EXPLANATIONS = {
         "1e-3 raises forces by 1e3, and the filter cuts two steps of three, often a hundredfold."
     ),
     ("kc1/kc2, Chebyshev", "0.0001"): (
-        "On this mesh the weaker threads are stretched by 23 %, which costs next to nothing; threads "
-        "that are to be inextensible and stretch by more than a tenth are no net, and the solve says "
-        "so. At maxh 0.1, 0.05 and 0.03 it converges, with 9 %, 4 % and 1 %."
+        "On this mesh the weaker threads are stretched by 23 %, which costs next to nothing; where "
+        "inextensible threads stretch by more than a tenth there is no net, and the solve says so. "
+        "At maxh 0.1, 0.05 and 0.03 it converges, with 9 %, 4 % and 1 %."
     ),
     ("height of the hemicatenoid, ks = 1", "3"): (
         "The patch is a minimum, but its ends overlap in the plane: nothing in the problem forbids "

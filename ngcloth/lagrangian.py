@@ -82,10 +82,9 @@ class Lagrangian:
 
         cloth = self._kinematics(self.fes.TrialFunction())
         self._energy = self._symbolic_energy(cloth.jacobian * self._density(cloth))
-        self._roots = []
-        self._model = self._energy
-        self.gauss_newton = gauss_newton
-        self._squares = self._sum_of_squares(cloth, here) if gauss_newton else None
+        self._model, self.gauss_newton = self._energy, gauss_newton
+        if gauss_newton:
+            self._squares = self._sum_of_squares(cloth, here)
         self._tie_break = _uneven_bending(self.fes) if scene.tie_break else None
 
     # What the loops ask -------------------------------------------------------------------
@@ -114,9 +113,11 @@ class Lagrangian:
 
         The matrix is assembled anew at each call, into the same memory.
         """
-        model = self._squares if self.gauss_newton and not exact else self._model
-        for field, expression in self._roots:
-            field.Interpolate(expression)
+        model = self._model
+        if self.gauss_newton and not exact:
+            model = self._squares
+            for field, expression in self._roots:
+                field.Interpolate(expression)
         model.AssembleLinearization(self.state.vec)
         matrix = model.mat
         if self._tie_break is not None:

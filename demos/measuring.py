@@ -7,6 +7,7 @@ threads, the first solve of a process, and which part of a solve takes how long.
 
 import cProfile
 import multiprocessing
+import os
 import pstats
 import re
 import resource
@@ -46,7 +47,8 @@ print(*times)
 
 
 def in_its_own_process(function, *arguments, **settings):
-    """What a function of this module returns, from a new process."""
+    """What a function of this module returns, from a new process with one thread for BLAS."""
+    os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=spawn) as pool:
         return pool.submit(function, *arguments, **settings).result()

@@ -122,14 +122,15 @@ QUICK_SIZE = {"hemisphere, ks = 1": 0.4}  # of all else
 OMISSIONS = """\
 CPU seconds are those of one thread in a process of its own, after a first solve that loads the
 libraries; the best of three where a solve takes less than half a second. They hold mesh, set-up and
-result for ngcloth, and the solves on coarser meshes with which it begins; for IPOPT, which begins
-on the mesh itself, neither set-up nor the compilation of its kernels. A Newton step on a coarser
-mesh counts like any other in "steps", and not in those "on the finest mesh". Peak memory is that of
-the process, imports included; exponents of memory are of what exceeds them. IPOPT runs at order 2
-only, with options found best on these scenes (exact derivatives, adaptive barrier, MUMPS, kernels
-in C where there is a compiler); no other program is timed. Nothing was tuned scene by scene for
-ngcloth. The paper's schedule is ngcloth's own implementation of it; with limits it is cut off after
-{budget:g} seconds, and not run on three scenes, {left_out}, where it did not converge within them
+result for ngcloth, and the solves on coarser meshes and of lower order with which it begins; for
+IPOPT, which begins on the mesh itself, neither set-up nor the compilation of its kernels. A Newton
+step on a coarser mesh counts like any other in "steps", and not in those "on the finest mesh". Peak
+memory is that of the process, imports included; exponents of memory are of what exceeds them. IPOPT
+runs at order 2 only, with options found best on these scenes (exact derivatives, adaptive barrier,
+MUMPS, kernels in C where there is a compiler); no other program is timed. Nothing was tuned scene by
+scene for ngcloth. The paper's schedule is ngcloth's own implementation of it; with limits it is
+cut off after {budget:g} seconds, and not run on three scenes, {left_out},
+where it did not converge within them
 either. Two threads are timed on three scenes only, by the clock on the wall, and mean something
 only where both cores are idle: NGSolve's threads wait for each other spinning, and a busy core
 makes them many times slower than one. All else is of one thread, in CPU seconds; of cold starts

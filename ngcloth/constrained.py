@@ -55,8 +55,6 @@ class ConstrainedLagrangian(Lagrangian):
         self.direction = ngs.GridFunction(self.fes)
         self._c_here = [slack.Compile() for slack in self._slacks(here)]
         self._dc_here = [slack.Diff(here.gradient).Compile() for slack in self._slacks(here)]
-        self._gradients = self.points**4
-        self._flat_weights = self._point_weights(ngs.CF(1.0))
 
         # The energy whose Hessian at the current state is the primal-dual matrix: z, the value c
         # of the slack and the stiffness z/s are frozen.
@@ -115,7 +113,7 @@ class ConstrainedLagrangian(Lagrangian):
     @of_state
     def _slack_gradients(self):
         """Derivatives of all slacks by the components of ∇ψ, (slacks, 4, points)."""
-        field = ngs.GridFunction(self._gradients)
+        field = ngs.GridFunction(self.points**4)
         values = np.empty((len(self._dc_here), 4, self.points.ndof))
         for row, expression in zip(values, self._dc_here, strict=True):
             field.Interpolate(expression)
@@ -266,10 +264,15 @@ class ConstrainedLagrangian(Lagrangian):
     @cached_property
     def _sampling(self):
         """The matrix from ψ and η to the components of ∇ψ at the points, times their weights."""
-        form = ngs.BilinearForm(trialspace=self.fes, testspace=self._gradients)
+        components = self.points**4
+        form = ngs.BilinearForm(trialspace=self.fes, testspace=components)
         psi1, psi2 = self.fes.TrialFunction()[:2]
-        form += ngs.CF((ngs.grad(psi1), ngs.grad(psi2))) * self._gradients.TestFunction() * self._dx
+        form += ngs.CF((ngs.grad(psi1), ngs.grad(psi2))) * components.TestFunction() * self._dx
         return form.Assemble().mat
+
+    @cached_property
+    def _flat_weights(self):
+        return self._point_weights(ngs.CF(1.0))
 
     def _point_weights(self, area):
         """The weights with which sums over the sampling points are integrals over the surface."""

@@ -68,7 +68,7 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
         iterate.recall(**recorder.memory)
     while not recorder.exhausted:
         error = iterate.error()
-        if iterate.relaxed and error <= 10 * iterate.mu:
+        if problem.relaxed and error <= 10 * iterate.mu:
             iterate.relax(False)
             continue
         if iterate.mu > last_mu and error <= 10 * iterate.mu:
@@ -118,7 +118,7 @@ class Iterate:
 
     def relax(self, relaxed):
         """Let go of equilibrium, or ask for it."""
-        self.relaxed = self.problem.relaxed = relaxed
+        self.problem.relaxed = relaxed
         self._filter, self._largest_violation = [], 1e4 * max(1.0, self._violation())
 
     def set_mu(self, mu):
@@ -133,7 +133,7 @@ class Iterate:
             "s": self.s,
             "z": self.z,
             "rate": self.rate,
-            "relaxed": self.relaxed,
+            "relaxed": self.problem.relaxed,
             "largest_mu": self.largest_mu,
             "filter": np.reshape(self._filter, (-1, 2)),
             "largest_violation": self._largest_violation,

@@ -67,7 +67,7 @@ def test_stressed_start_is_relaxed_first():
 
 
 def test_relaxed_steps_leave_equilibrium_alone():
-    """η does not move, and the energy falls as it never could in equilibrium."""
+    """η does not move, and nothing is out of balance; both end with the relaxation."""
     problem = discretised(FAR, 0.25)
     problem.relaxed = True
     assert problem.imbalance() == 0

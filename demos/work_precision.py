@@ -127,8 +127,8 @@ IPOPT, which begins on the mesh itself, neither set-up nor the compilation of it
 step on a coarser mesh counts like any other in "steps", and not in those "on the finest mesh". Peak
 memory is that of the process, imports included; exponents of memory are of what exceeds them. IPOPT
 runs at order 2 only, with options found best on these scenes (exact derivatives, adaptive barrier,
-MUMPS, kernels in C where there is a compiler); no other program is timed. Nothing was tuned scene by
-scene for ngcloth. The paper's schedule is ngcloth's own implementation of it; with limits it is
+MUMPS, kernels in C where there is a compiler); no other program is timed. Nothing was tuned scene
+by scene for ngcloth. The paper's schedule is ngcloth's own implementation of it; with limits it is
 cut off after {budget:g} seconds, and not run on three scenes, {left_out},
 where it did not converge within them
 either. Two threads are timed on three scenes only, by the clock on the wall, and mean something

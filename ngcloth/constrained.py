@@ -6,8 +6,10 @@ import ngsolve as ngs
 import numpy as np
 from netgen.meshing import NgException
 
-from .kinematics import Kinematics, gradient, virtual_strain
+from .kinematics import Kinematics, gradient
 from .lagrangian import Lagrangian, of_state
+from .sampling import Sampling, point_weights, sampled
+from .virtual_work import VirtualWork
 
 SOFTENING = 1e-8  # of the block of η for a factorisation without pivoting
 
@@ -45,7 +47,11 @@ class ConstrainedLagrangian(Lagrangian):
         trial = self.fes.TrialFunction()
         cloth, here = self._kinematics(trial), self._kinematics(self.state.components)
         area = self._frozen(ngs.sqrt(ngs.Det(scene.surface.metric)))
-        self.weights = self._point_weights(area)
+        self.weights = point_weights(self.points, self._dx, area)
+        self._flat_weights = point_weights(self.points, self._dx)
+        self._sampling = Sampling(self.fes.components[0], self.points, self._dx)
+        sampled = self._sampling, self.points, self._dx
+        self._work = VirtualWork(self.state, here, scene.surface, *sampled)
 
         slacks = self._slacks(cloth)
         self.slack_names = [limit.name for limit in scene.constraints for _ in limit.slacks(cloth)]
@@ -67,15 +73,8 @@ class ConstrainedLagrangian(Lagrangian):
             ),
             ngs.CF(0.0),
         )
-        derivatives = [self._frozen_symmetric(d) for d in scene.surface.metric_derivatives]
-        eta = ngs.CF(tuple(trial[2:]))
-        strain = virtual_strain(eta, gradient(*trial[2:]), self._metric, derivatives)
-        stress = cloth.contravariant_stress / scene.fabric.stiffness
-        sliding_work = cloth.jacobian * ngs.InnerProduct(stress, strain)
-        self._work = self._symbolic_energy(sliding_work)
         cost = cloth.jacobian * self._density(cloth)
-        self._model = self._symbolic_energy(cost + area * limits)
-        self._model += ngs.Variation(sliding_work.Compile() * self._dx)
+        self._model = self._symbolic_energy(cost + area * limits + self._work.density(cloth))
 
         self.psi_dofs = slice(0, self.fes.Range(1).stop)
         norm = self._h1_matrix(range(len(trial)))
@@ -101,24 +100,24 @@ class ConstrainedLagrangian(Lagrangian):
     @of_state
     def slacks(self):
         """Values c of all slacks at the sampling points, (slacks, points)."""
-        return self._values(self._c_here)
+        rows = [sampled(slack, self._probe) for slack in self._c_here]
+        return np.concatenate(rows) if rows else np.empty((0, self.points.ndof))
 
     def slack_changes(self):
         """Derivatives of all slacks along ψ of `direction`, (slacks, points)."""
         if not self.slack_names:
             return np.empty((0, self.points.ndof))
-        change = (self._sampling * self.direction.vec).Evaluate().FV().NumPy().reshape(4, -1)
-        return (self._slack_gradients() * change).sum(axis=1) / self._flat_weights
+        change = [
+            self._sampling.at_points(part.vec.FV().NumPy())[1:]
+            for part in self.direction.components[:2]
+        ]
+        return np.einsum("sip,ip->sp", self._slack_gradients(), np.concatenate(change))
 
     @of_state
     def _slack_gradients(self):
         """Derivatives of all slacks by the components of ∇ψ, (slacks, 4, points)."""
         field = ngs.GridFunction(self.points**4)
-        values = np.empty((len(self._dc_here), 4, self.points.ndof))
-        for row, expression in zip(values, self._dc_here, strict=True):
-            field.Interpolate(expression)
-            row[:] = field.vec.FV().NumPy().reshape(4, -1)
-        return values
+        return np.array([sampled(slopes, field) for slopes in self._dc_here])
 
     def take(self, coarse):
         """Interpolate ψ and η from the state of a coarser mesh. Returns whether J > 0."""
@@ -145,14 +144,20 @@ class ConstrainedLagrangian(Lagrangian):
 
     def gradient(self, out):
         """Write ∇E + ∇(work) − Σ z ∇c at the current state, with the frozen z, to `out`."""
-        out.data = self._cost_gradient() + self._work_gradient()
+        out.data = self._cost_gradient()
+        pull = self._work.psi_force() * self._flat_weights
         if self.slack_names:
-            z = np.array([field.vec.FV().NumPy() for field in self._z])[:, None]
-            push = self._sampling.CreateColVector()
-            push.FV().NumPy()[:] = (
-                (z * self._slack_gradients()).sum(axis=0) * self.weights / self._flat_weights
-            ).ravel()
-            out.data -= self._sampling.T * push
+            z = [field.vec.FV().NumPy() for field in self._z] * self.weights
+            pull -= np.einsum("sp,sip->ip", z, self._slack_gradients())
+        loads = [self._sampling.transposed(part) for part in (pull[:2], pull[2:])]
+        out.FV().NumPy()[:] += np.concatenate([*loads, self._work.eta_force()])
+
+    def hessian(self):
+        """The second derivative of the Lagrangian, with frozen z, c and stiffness."""
+        self._work.freeze()
+        matrix = super().hessian()
+        self._work.add_coupling(matrix)
+        return matrix
 
     def cost_gradient(self, out):
         """Write the derivative of `cost` to the vector `out`."""
@@ -160,20 +165,13 @@ class ConstrainedLagrangian(Lagrangian):
 
     @of_state
     def _cost_gradient(self):
-        return self._derivative(self._energy)
-
-    @of_state
-    def _work_gradient(self):
-        return self._derivative(self._work)
-
-    def _derivative(self, energy):
         force = self.state.vec.CreateVector()
-        energy.Apply(self.state.vec, force)
+        self._energy.Apply(self.state.vec, force)
         return force
 
     def work(self):
         """The virtual work of sliding the cloth along η, over kc."""
-        return self._work.Energy(self.state.vec)
+        return self._work.value()
 
     def imbalance(self):
         """Dual norm of the in-plane force on the cloth inside the rim; zero while relaxed."""
@@ -181,8 +179,8 @@ class ConstrainedLagrangian(Lagrangian):
 
     @of_state
     def _imbalance(self):
-        self._force.data = self._work_gradient()
-        self._force.FV().NumPy()[self.psi_dofs] = 0
+        self._force[:] = 0
+        self._force.FV().NumPy()[self.psi_dofs.stop :] = self._work.eta_force()
         return self.dual_norm(self._force)
 
     def dual_norm(self, force):
@@ -253,29 +251,3 @@ class ConstrainedLagrangian(Lagrangian):
 
     def _slacks(self, cloth):
         return [slack for limit in self.scene.constraints for slack in limit.slacks(cloth)]
-
-    def _values(self, expressions):
-        values = np.empty((len(expressions), self.points.ndof))
-        for row, expression in zip(values, expressions, strict=True):
-            self._probe.Interpolate(expression)
-            row[:] = self._probe.vec.FV().NumPy()
-        return values
-
-    @cached_property
-    def _sampling(self):
-        """The matrix from ψ and η to the components of ∇ψ at the points, times their weights."""
-        components = self.points**4
-        form = ngs.BilinearForm(trialspace=self.fes, testspace=components)
-        psi1, psi2 = self.fes.TrialFunction()[:2]
-        form += ngs.CF((ngs.grad(psi1), ngs.grad(psi2))) * components.TestFunction() * self._dx
-        return form.Assemble().mat
-
-    @cached_property
-    def _flat_weights(self):
-        return self._point_weights(ngs.CF(1.0))
-
-    def _point_weights(self, area):
-        """The weights with which sums over the sampling points are integrals over the surface."""
-        form = ngs.LinearForm(self.points)
-        form += area * self.points.TestFunction() * self._dx
-        return form.Assemble().vec.FV().NumPy().copy()

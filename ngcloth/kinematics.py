@@ -15,7 +15,7 @@ class Kinematics:
     metric : CoefficientFunction, (2, 2)
         First fundamental form a of the target surface.
     fabric : Net or similar, optional
-        Needed for `contravariant_stress` and `reaction`.
+        Needed for stresses and `reaction`.
     curvature : callable, optional
         Returns the second fundamental form b, (2, 2); only called for `reaction`.
 
@@ -28,6 +28,8 @@ class Kinematics:
     stretch1, stretch2 : λ1 = √I4 of the warp, λ2 = √I6 of the weft
     shear : γ = I8 / (λ1 λ2), cosine of the angle between the threads
     contravariant_stress : S = G⁻¹ w G⁻ᵀ with w = dW/dC, force per flat length
+    resultant : J S, force per parameter length
+    resultant_slopes : list of its derivatives by G11, G12, G21, G22
     reaction : τ = −2 S : b, force per flat area with which the surface pushes (Laplace's law)
     """
 
@@ -54,14 +56,43 @@ class Kinematics:
 
     @cached_property
     def contravariant_stress(self):  # noqa: D102
+        return self.inverse * _symmetric(*self._slopes) * self.inverse.trans
+
+    @property
+    def resultant(self):  # noqa: D102
+        return self.jacobian * self.contravariant_stress
+
+    @property
+    def resultant_slopes(self):  # noqa: D102
+        w, invariants = _symmetric(*self._slopes), (self.I4, self.I6, self.I8)
+        curvatures = [[slope.Diff(i) for i in invariants] for slope in self._slopes]
+        slopes = []
+        for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            # Y = dG G⁻¹, where dG is 1 at (i, j) and 0 elsewhere: dG⁻¹ = −G⁻¹ Y and dJ = J tr Y.
+            rows = [(0.0, 0.0), (0.0, 0.0)]
+            rows[i] = self.inverse[j, 0], self.inverse[j, 1]
+            Y = ngs.CF((*rows[0], *rows[1]), dims=(2, 2))
+            dC = -(Y.trans * self.cauchy_green + self.cauchy_green * Y)
+            dI = ngs.CF((dC[0, 0], dC[1, 1], dC[0, 1]))
+            dw = _symmetric(*(ngs.InnerProduct(ngs.CF(tuple(row)), dI) for row in curvatures))
+            change = self.inverse[j, i] * w - Y * w - w * Y.trans + dw
+            slopes.append(self.jacobian * self.inverse * change * self.inverse.trans)
+        return slopes
+
+    @cached_property
+    def _slopes(self):
+        """Derivatives of W by I4, I6 and I8."""
         energy = self.fabric.energy(self.I4, self.I6, self.I8)
-        w11, w22, w12 = energy.Diff(self.I4), energy.Diff(self.I6), energy.Diff(self.I8) / 2
-        w = ngs.CF((w11, w12, w12, w22), dims=(2, 2))
-        return self.inverse * w * self.inverse.trans
+        return [energy.Diff(invariant) for invariant in (self.I4, self.I6, self.I8)]
 
     @cached_property
     def reaction(self):  # noqa: D102
         return -2 * ngs.InnerProduct(self.contravariant_stress, self.curvature())
+
+
+def _symmetric(slope4, slope6, slope8):
+    """The derivative by C of a function of I4, I6, I8 with these derivatives."""
+    return ngs.CF((slope4, slope8 / 2, slope8 / 2, slope6), dims=(2, 2))
 
 
 def gradient(psi1, psi2):

@@ -6,7 +6,7 @@ import ngsolve as ngs
 import numpy as np
 from netgen.meshing import NgException
 
-from .kinematics import Kinematics, gradient
+from .kinematics import Kinematics, gradient, virtual_strain
 from .lagrangian import Lagrangian, of_state
 from .sampling import Sampling, point_weights, sampled
 from .virtual_work import VirtualWork
@@ -50,8 +50,13 @@ class ConstrainedLagrangian(Lagrangian):
         self.weights = point_weights(self.points, self._dx, area)
         self._flat_weights = point_weights(self.points, self._dx)
         self._sampling = Sampling(self.fes.components[0], self.points, self._dx)
-        sampled = self._sampling, self.points, self._dx
-        self._work = VirtualWork(self.state, here, scene.surface, *sampled)
+        derivatives = [self._frozen_symmetric(d) for d in scene.surface.metric_derivatives]
+
+        def strain(eta, eta_gradient):
+            return virtual_strain(eta, eta_gradient, self._metric, derivatives)
+
+        sampling = self._sampling, self.points, self._dx
+        self._work = VirtualWork(self.state, here, strain, *sampling)
 
         slacks = self._slacks(cloth)
         self.slack_names = [limit.name for limit in scene.constraints for _ in limit.slacks(cloth)]

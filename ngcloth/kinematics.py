@@ -56,7 +56,7 @@ class Kinematics:
 
     @cached_property
     def contravariant_stress(self):  # noqa: D102
-        return self.inverse * _symmetric(*self._slopes) * self.inverse.trans
+        return self.inverse * _symmetric(*self._energy_slopes) * self.inverse.trans
 
     @property
     def resultant(self):  # noqa: D102
@@ -64,9 +64,9 @@ class Kinematics:
 
     @property
     def resultant_slopes(self):  # noqa: D102
-        w, invariants = _symmetric(*self._slopes), (self.I4, self.I6, self.I8)
-        curvatures = [[slope.Diff(i) for i in invariants] for slope in self._slopes]
-        slopes = []
+        w, invariants = _symmetric(*self._energy_slopes), (self.I4, self.I6, self.I8)
+        curvatures = [[slope.Diff(i) for i in invariants] for slope in self._energy_slopes]
+        slopes = []  # of J S = J G⁻¹ w G⁻ᵀ, by the rule of products
         for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
             # Y = dG G⁻¹, where dG is 1 at (i, j) and 0 elsewhere: dG⁻¹ = −G⁻¹ Y and dJ = J tr Y.
             rows = [(0.0, 0.0), (0.0, 0.0)]
@@ -80,7 +80,7 @@ class Kinematics:
         return slopes
 
     @cached_property
-    def _slopes(self):
+    def _energy_slopes(self):
         """Derivatives of W by I4, I6 and I8."""
         energy = self.fabric.energy(self.I4, self.I6, self.I8)
         return [energy.Diff(invariant) for invariant in (self.I4, self.I6, self.I8)]

@@ -3,7 +3,6 @@
 import ngsolve as ngs
 import numpy as np
 
-from .kinematics import virtual_strain
 from .lagrangian import of_state
 from .sampling import Sampling, point_weights, sampled
 
@@ -21,14 +20,15 @@ class VirtualWork:
         The current ψ1, ψ2, η1, η2.
     cloth : Kinematics
         Of `state`.
-    surface : Surface
+    virtual_strain : callable
+        From η and its gradient to L_η a, all expressions.
     psi : Sampling
         Of a component of ψ.
     points, dx : IntegrationRuleSpace, DifferentialSymbol
         Where to sample, and the integral by these points.
     """
 
-    def __init__(self, state, cloth, surface, psi, points, dx):
+    def __init__(self, state, cloth, virtual_strain, psi, points, dx):
         self.state, self._psi, space = state, psi, state.space
         self._eta = Sampling(space.components[2], points, dx)
         self._dofs = [slice(r.start, r.stop) for r in map(space.Range, range(4))]
@@ -38,9 +38,10 @@ class VirtualWork:
         self._slopes_here = ngs.CF(sum((_stress(slope, cloth) for slope in slopes), ())).Compile()
         self._fields = [ngs.GridFunction(points**n) for n in (3, 12)]
         self._frozen_strain = [ngs.GridFunction(points) for _ in range(3)]
-        self._unit_strains = _unit_strains(surface, points)
+        self._unit_strains = _unit_strains(virtual_strain, points)
         _, triangles, at_one, _ = self._eta.shapes.shape
         by_triangle = self._unit_strains.reshape(3, 2, 3, triangles, at_one)
+        # How each η of a triangle strains its points: (triangles, strains at points, η).
         straining = np.einsum("kjmtq,mtqa->tkqja", by_triangle, self._eta.shapes, optimize=True)
         self._straining = straining.reshape(triangles, 3 * at_one, -1)
         self._places = None
@@ -123,14 +124,14 @@ def _stress(tensor, cloth):
     return tuple(tensor[i] / cloth.fabric.stiffness for i in ((0, 0), (0, 1), (1, 1)))
 
 
-def _unit_strains(surface, points):
+def _unit_strains(virtual_strain, points):
     """L_η a of a unit value or derivative of a component of η, (3, 2, 3, points)."""
     field, strains = ngs.GridFunction(points**3), np.empty((3, 2, 3, points.ndof))
     for j, m in np.ndindex(2, 3):
         unit = np.zeros((2, 3))
         unit[j, m] = 1
         eta, gradient = ngs.CF(tuple(unit[:, 0])), ngs.CF(tuple(unit[:, 1:].ravel()), dims=(2, 2))
-        strain = virtual_strain(eta, gradient, surface.metric, surface.metric_derivatives)
+        strain = virtual_strain(eta, gradient)
         strain = ngs.CF((strain[0, 0], 2 * strain[0, 1], strain[1, 1])).Compile()
         strains[:, j, m] = sampled(strain, field)
     return strains

@@ -178,8 +178,9 @@ class Iterate:
                 self._filter, self.rate = [], 1.0
             return used, 0.0
         self.refusals = 0
-        # Multipliers that their slack variables have outgrown would keep the products from μ.
-        np.minimum(self.z, CENTRED * self.mu / self.s, out=self.z)
+        # A slack variable that has grown leaves its multiplier behind, far from μ/s.
+        mean = (self.s * self.z).sum() / max(self.s.size, 1)
+        np.minimum(self.z, CENTRED * max(self.mu, mean) / self.s, out=self.z)
         self.z += _to_boundary(self.z, dz) * dz
         target = self.mu / self.s
         np.clip(self.z, target / DUAL_RANGE, target * DUAL_RANGE, out=self.z)

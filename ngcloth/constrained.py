@@ -50,13 +50,7 @@ class ConstrainedLagrangian(Lagrangian):
         self.weights = point_weights(self.points, self._dx, area)
         self._flat_weights = point_weights(self.points, self._dx)
         self._sampling = Sampling(self.fes.components[0], self.points, self._dx)
-        derivatives = [self._frozen_symmetric(d) for d in scene.surface.metric_derivatives]
-
-        def strain(eta, eta_gradient):
-            return virtual_strain(eta, eta_gradient, self._metric, derivatives)
-
-        sampling = self._sampling, self.points, self._dx
-        self._work = VirtualWork(self.state, here, strain, *sampling)
+        self._work = self._virtual_work(here)
 
         slacks = self._slacks(cloth)
         self.slack_names = [limit.name for limit in scene.constraints for _ in limit.slacks(cloth)]
@@ -67,19 +61,9 @@ class ConstrainedLagrangian(Lagrangian):
         self._c_here = [slack.Compile() for slack in self._slacks(here)]
         self._dc_here = [slack.Diff(here.gradient).Compile() for slack in self._slacks(here)]
 
-        # The energy whose Hessian at the current state is the primal-dual matrix: z, the value c
-        # of the slack and the stiffness z/s are frozen.
-        limits = sum(
-            (
-                -z * slack + stiffness / 2 * (slack - c) ** 2
-                for slack, c, z, stiffness in zip(
-                    slacks, self._c, self._z, self._stiffness, strict=True
-                )
-            ),
-            ngs.CF(0.0),
-        )
+        limits = area * self._frozen_limits(slacks)
         cost = cloth.jacobian * self._density(cloth)
-        self._model = self._symbolic_energy(cost + area * limits + self._work.density(cloth))
+        self._model = self._symbolic_energy(cost + limits + self._work.density(cloth))
 
         self.psi_dofs = slice(0, self.fes.Range(1).stop)
         norm = self._h1_matrix(range(len(trial)))
@@ -236,6 +220,23 @@ class ConstrainedLagrangian(Lagrangian):
             if size <= goal or not np.isfinite(size):
                 break
         return size <= goal
+
+    def _virtual_work(self, here):
+        derivatives = [self._frozen_symmetric(d) for d in self.scene.surface.metric_derivatives]
+
+        def strain(eta, eta_gradient):
+            return virtual_strain(eta, eta_gradient, self._metric, derivatives)
+
+        return VirtualWork(self.state, here, strain, self._sampling, self.points, self._dx)
+
+    def _frozen_limits(self, slacks):
+        """The energy whose Hessian at the current state is the limits' part of the matrix.
+
+        z, the value c of the slack and the stiffness z/s are frozen.
+        """
+        frozen = zip(slacks, self._c, self._z, self._stiffness, strict=True)
+        terms = (-z * slack + stiffness / 2 * (slack - c) ** 2 for slack, c, z, stiffness in frozen)
+        return sum(terms, ngs.CF(0.0))
 
     def _spaces(self, mesh, order, mirrors):
         rims = [f"rim|{line}" if line else "rim" for line in mirrors]

@@ -130,11 +130,6 @@ EXPLANATIONS = {
         "inextensible threads stretch by more than a tenth there is no net, and the solve says so. "
         "At maxh 0.1, 0.05 and 0.03 it converges, with 9 %, 4 % and 1 %."
     ),
-    ("portion of the sphere, γmax = cos π/6", "0.97"): (
-        "So near the whole sphere the patch of the relaxed start is far from equilibrium, and "
-        "limits cut the steps back to it a thousandfold: whether it arrives is decided by "
-        "rounding. At maxh 0.3, 0.22, 0.2 and 0.15 it takes 22, 47, 102 and 225 steps."
-    ),
     ("height of the hemicatenoid, ks = 1", "3"): (
         "The patch is a minimum, but its ends overlap in the plane: nothing in the problem forbids "
         "it, and it cannot be cut from one piece. Only the certificate tells."

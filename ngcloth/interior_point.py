@@ -178,9 +178,6 @@ class Iterate:
                 self._filter, self.rate = [], 1.0
             return used, 0.0
         self.refusals = 0
-        # A slack variable that has grown leaves its multiplier behind, far from μ/s.
-        mean = (self.s * self.z).sum() / max(self.s.size, 1)
-        np.minimum(self.z, CENTRED * max(self.mu, mean) / self.s, out=self.z)
         self.z += _to_boundary(self.z, dz) * dz
         target = self.mu / self.s
         np.clip(self.z, target / DUAL_RANGE, target * DUAL_RANGE, out=self.z)

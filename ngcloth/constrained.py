@@ -8,7 +8,8 @@ from netgen.meshing import NgException
 
 from .kinematics import Kinematics, gradient, virtual_strain
 from .lagrangian import Lagrangian, of_state
-from .sampling import Sampling, point_weights, sampled
+from .sampled_cloth import SampledCloth, SampledExpressions
+from .sampling import Sampling, point_weights
 from .virtual_work import VirtualWork
 
 SOFTENING = 1e-8  # of the block of η for a factorisation without pivoting
@@ -45,12 +46,15 @@ class ConstrainedLagrangian(Lagrangian):
         self._multiplier_order = multiplier_order
         super().__init__(scene, mesh, order, quadrature, inverse, gauss_newton=False)
         trial = self.fes.TrialFunction()
-        cloth, here = self._kinematics(trial), self._kinematics(self.state.components)
+        cloth = self._kinematics(trial)
         area = self._frozen(ngs.sqrt(ngs.Det(scene.surface.metric)))
         self.weights = point_weights(self.points, self._dx, area)
         self._flat_weights = point_weights(self.points, self._dx)
         self._sampling = Sampling(self.fes.components[0], self.points, self._dx)
+        tensors = self._metric, scene.fabric, lambda: self._curvature
+        here = SampledCloth(self.state, self._sampling, self.points, *tensors)
         self._work = self._virtual_work(here)
+        self._slacks_here = SampledExpressions(here, self._slacks(here))
 
         slacks = self._slacks(cloth)
         self.slack_names = [limit.name for limit in scene.constraints for _ in limit.slacks(cloth)]
@@ -58,9 +62,6 @@ class ConstrainedLagrangian(Lagrangian):
             [ngs.GridFunction(self.points) for _ in slacks] for _ in range(3)
         )
         self.direction = ngs.GridFunction(self.fes)
-        self._c_here = [slack.Compile() for slack in self._slacks(here)]
-        self._dc_here = [slack.Diff(here.gradient).Compile() for slack in self._slacks(here)]
-
         limits = area * self._frozen_limits(slacks)
         cost = cloth.jacobian * self._density(cloth)
         self._model = self._symbolic_energy(cost + limits + self._work.density(cloth))
@@ -86,11 +87,9 @@ class ConstrainedLagrangian(Lagrangian):
             self._moving[self.psi_dofs.stop :] = False
         self._inside = ngs.Projector(self._moving, True)
 
-    @of_state
     def slacks(self):
         """Values c of all slacks at the sampling points, (slacks, points)."""
-        rows = [sampled(slack, self._probe) for slack in self._c_here]
-        return np.concatenate(rows) if rows else np.empty((0, self.points.ndof))
+        return self._slacks_here.values()
 
     def slack_changes(self):
         """Derivatives of all slacks along ψ of `direction`, (slacks, points)."""
@@ -100,13 +99,7 @@ class ConstrainedLagrangian(Lagrangian):
             self._sampling.at_points(part.vec.FV().NumPy())[1:]
             for part in self.direction.components[:2]
         ]
-        return np.einsum("sip,ip->sp", self._slack_gradients(), np.concatenate(change))
-
-    @of_state
-    def _slack_gradients(self):
-        """Derivatives of all slacks by the components of ∇ψ, (slacks, 4, points)."""
-        field = ngs.GridFunction(self.points**4)
-        return np.array([sampled(slopes, field) for slopes in self._dc_here])
+        return np.einsum("sip,ip->sp", self._slacks_here.slopes(), np.concatenate(change))
 
     def take(self, coarse):
         """Interpolate ψ and η from the state of a coarser mesh. Returns whether J > 0."""
@@ -137,7 +130,7 @@ class ConstrainedLagrangian(Lagrangian):
         pull = self._work.psi_force() * self._flat_weights
         if self.slack_names:
             z = [field.vec.FV().NumPy() for field in self._z] * self.weights
-            pull -= np.einsum("sp,sip->ip", z, self._slack_gradients())
+            pull -= np.einsum("sp,sip->ip", z, self._slacks_here.slopes())
         loads = [self._sampling.transposed(part) for part in (pull[:2], pull[2:])]
         out.FV().NumPy()[:] += np.concatenate([*loads, self._work.eta_force()])
 
@@ -227,7 +220,7 @@ class ConstrainedLagrangian(Lagrangian):
         def strain(eta, eta_gradient):
             return virtual_strain(eta, eta_gradient, self._metric, derivatives)
 
-        return VirtualWork(self.state, here, strain, self._sampling, self.points, self._dx)
+        return VirtualWork(here, strain, self._sampling, self.points, self._dx)
 
     def _frozen_limits(self, slacks):
         """The energy whose Hessian at the current state is the limits' part of the matrix.

@@ -4,6 +4,7 @@ import ngsolve as ngs
 import numpy as np
 
 from .lagrangian import of_state
+from .sampled_cloth import SampledExpressions
 from .sampling import Sampling, point_weights, sampled
 
 
@@ -16,10 +17,8 @@ class VirtualWork:
 
     Parameters
     ----------
-    state : GridFunction
-        The current ψ1, ψ2, η1, η2.
-    cloth : Kinematics
-        Of `state`.
+    cloth : SampledCloth
+        Of the current ψ, η.
     virtual_strain : callable
         From η and its gradient to L_η a, all expressions.
     psi : Sampling
@@ -28,15 +27,16 @@ class VirtualWork:
         Where to sample, and the integral by these points.
     """
 
-    def __init__(self, state, cloth, virtual_strain, psi, points, dx):
-        self.state, self._psi, space = state, psi, state.space
+    def __init__(self, cloth, virtual_strain, psi, points, dx):
+        self.state, self._cloth, self._psi = cloth.state, cloth, psi
+        space = self.state.space
         self._eta = Sampling(space.components[2], points, dx)
         self._dofs = [slice(r.start, r.stop) for r in map(space.Range, range(4))]
         self._weights = point_weights(points, dx)
-        stress, slopes = _stress(cloth.resultant, cloth), cloth.resultant_slopes
-        self._stress_here = ngs.CF(stress).Compile()
-        self._slopes_here = ngs.CF(sum((_stress(slope, cloth) for slope in slopes), ())).Compile()
-        self._fields = [ngs.GridFunction(points**n) for n in (3, 12)]
+        stiffness = cloth.fabric.stiffness
+        self._energy_slopes = SampledExpressions(
+            cloth, [w / stiffness for w in cloth.energy_slopes]
+        )
         self._frozen_strain = [ngs.GridFunction(points) for _ in range(3)]
         self._unit_strains = _unit_strains(virtual_strain, points)
         _, triangles, at_one, _ = self._eta.shapes.shape
@@ -49,12 +49,29 @@ class VirtualWork:
     @of_state
     def stress(self):
         """J S over kc, as S11, S12, S22, (3, points)."""
-        return sampled(self._stress_here, self._fields[0])
+        slopes = self._energy_slopes.values() * self._cloth.jacobians()
+        return np.einsum("kn,kcn->cn", slopes, self._directions())
 
     @of_state
     def stress_slopes(self):
         """Its derivatives by the components of ∇ψ, (4, 3, points)."""
-        return sampled(self._slopes_here, self._fields[1]).reshape(4, 3, -1)
+        inverse, (s11, s12, s22) = self._cloth.inverses(), self.stress()
+        # d(J S) by the rule of products, with dJ = J tr(G⁻¹ dG) and dG⁻¹ = −G⁻¹ dG G⁻¹.
+        changes = self._energy_slopes.slopes() * self._cloth.jacobians()
+        slopes = np.einsum("kin,kcn->icn", changes, self._directions()).reshape(2, 2, 3, -1)
+        slopes += np.einsum("jin,cn->ijcn", inverse, self.stress())
+        turned = np.einsum("cin,jdn->cdijn", inverse, np.array([[s11, s12], [s12, s22]]))
+        slopes[:, :, 0] -= 2 * turned[0, 0]
+        slopes[:, :, 1] -= turned[0, 1] + turned[1, 0]
+        slopes[:, :, 2] -= 2 * turned[1, 1]
+        return slopes.reshape(4, 3, -1)
+
+    @of_state
+    def _directions(self):
+        """S11, S12, S22 of unit derivatives of W by I4, I6 and I8, (3, 3, points)."""
+        (x, y), (u, v) = self._cloth.inverses()
+        mixed = x * y, (x * v + y * u) / 2, u * v
+        return np.array([(x * x, x * u, u * u), (y * y, y * v, v * v), mixed])
 
     @of_state
     def strain(self):
@@ -81,8 +98,9 @@ class VirtualWork:
 
     def density(self, cloth):
         """J S : L_η a as an expression in ψ, with the strain that `freeze` has frozen."""
-        stress = _stress(cloth.resultant, cloth)
-        return sum((s * t for s, t in zip(stress, self._frozen_strain, strict=True)), ngs.CF(0.0))
+        l11, twice_l12, l22 = self._frozen_strain
+        strain = ngs.CF((l11, twice_l12 / 2, twice_l12 / 2, l22), dims=(2, 2))
+        return cloth.jacobian * cloth.power(strain) / cloth.fabric.stiffness
 
     def freeze(self):
         """Freeze the present strain."""
@@ -118,10 +136,6 @@ class VirtualWork:
 
         psi, eta = psi[:, None, :].astype(np.int64), eta[:, :, None].astype(np.int64)
         return places(eta, psi), places(psi, eta)
-
-
-def _stress(tensor, cloth):
-    return tuple(tensor[i] / cloth.fabric.stiffness for i in ((0, 0), (0, 1), (1, 1)))
 
 
 def _unit_strains(virtual_strain, points):

@@ -21,7 +21,10 @@ def displaced(request):
     strain = virtual_strain(
         ngs.CF(tuple(trial[2:])), gradient(*trial[2:]), surface.metric, surface.metric_derivatives
     )
-    density = ngs.InnerProduct(cloth.resultant, strain) / problem.scene.fabric.stiffness
+    density = (
+        ngs.InnerProduct(cloth.jacobian * cloth.contravariant_stress, strain)
+        / problem.scene.fabric.stiffness
+    )
     return problem, problem._symbolic_energy(density)
 
 

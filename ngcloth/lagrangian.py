@@ -77,6 +77,7 @@ class Lagrangian:
 
         here = self._kinematics(self.state.components)
         self._jacobian, self._shear = here.jacobian.Compile(), here.shear.Compile()
+        self._invariants = here.I4, here.I6, here.I8
         self._stretches = here.stretch1.Compile(), here.stretch2.Compile()
         self._probe = ngs.GridFunction(self.points)
 
@@ -142,6 +143,14 @@ class Lagrangian:
             self._probe.Interpolate(stretch)
             largest = max(largest, np.abs(self._probe.vec.FV().NumPy() - 1).max())
         return largest
+
+    def mean_strain(self):
+        """The mean of C over the patch, (2, 2); over all of it, where mirrors leave a quarter."""
+        densities = (self._jacobian * of_patch for of_patch in (1, *self._invariants))
+        sums = [ngs.Integrate(d.Compile() * self._dx, self.fes.mesh) for d in densities]
+        I4, I6, I8 = (total / sums[0] for total in sums[1:])
+        I8 = 0.0 if self.scene.symmetric else I8
+        return np.array([[I4, I8], [I8, I6]])
 
     # How it is put together ---------------------------------------------------------------
 

@@ -5,10 +5,11 @@ import numpy as np
 from .errors import InputError
 
 STRETCHED = 10.0  # cost per area over kc above which a start is dilated
+DISTORTED = 3.0  # ratio of mean stretches above which such a start is undistorted first
 
 
 def feasible_start(problem, recorder):
-    """Scale the start until it is feasible; dilate one that is stretched many times over.
+    """Scale the start until it is feasible; undistort and dilate one that is stretched far.
 
     Parameters
     ----------
@@ -25,27 +26,35 @@ def feasible_start(problem, recorder):
     psi, sizes = problem.state.vec, _sizes(problem)
     given = psi.CreateVector()
     given.data = psi
-
-    def least_slacks():
-        folded = not problem.least_jacobian() > 0
-        return np.array([-np.inf if folded else c.min() for c in problem.slacks()])
-
-    for scale in sorted(1.25 ** np.arange(-30.0, 31.0), key=lambda s: abs(np.log(s))):
-        psi.data = float(scale) * given
-        if (least_slacks() > 0).all() and np.isfinite(problem.cost()):
-            break
-    else:
+    undistort(problem)
+    if not _scale(problem):
         psi.data = given
-        allowed = "a map of which some multiple has finite energy"
-        if problem.slack_names:
-            worst = problem.slack_names[int(np.argmin(least_slacks()))]
-            allowed += f" and respects the limit of {worst}"
-        raise InputError("start", problem.scene.start, allowed)
-    room = np.minimum(0.1, least_slacks() / 2)
-    dilate(problem, lambda: (least_slacks() >= room).all())
+        if not _scale(problem):
+            raise _infeasible(problem)
+    room = np.minimum(0.1, _least_slacks(problem) / 2)
+    dilate(problem, lambda: (_least_slacks(problem) >= room).all())
     factors = _sizes(problem) / sizes
     if recorder.log and (factors != 1).any():
         recorder.log("start multiplied by " + " and ".join(f"{factor:.3g}" for factor in factors))
+
+
+def undistort(problem):
+    """Let a far start be followed by the linear map of the plane that makes C one in the mean.
+
+    Where the coordinates of a chart are sheared or of different scales, a start that is simple in
+    them is far from any answer, along a curved valley that Newton steps take ever so slowly.
+
+    Parameters
+    ----------
+    problem : Lagrangian
+        Its `state` is moved, unless it costs little or the mean C is not far from isotropic.
+    """
+    if not (problem.least_jacobian() > 0 and STRETCHED * problem.area < problem.cost() < np.inf):
+        return
+    squares, axes = np.linalg.eigh(problem.mean_strain())
+    if squares[1] > DISTORTED**2 * squares[0] > 0:
+        rows = [psi.vec.FV().NumPy() for psi in problem.state.components[:2]]
+        rows[0][:], rows[1][:] = axes * np.sqrt(squares) @ axes.T @ np.array(rows)
 
 
 def dilate(problem, allowed=lambda: True):
@@ -69,6 +78,32 @@ def dilate(problem, allowed=lambda: True):
                 if not (problem.cost() < cost and allowed()):
                     _multiply(components, 1 / factor)
                     break
+
+
+def _scale(problem):
+    """Set the state to the nearest multiple that is feasible, if there is one; whether there is."""
+    psi = problem.state.vec
+    given = psi.CreateVector()
+    given.data = psi
+    for scale in sorted(1.25 ** np.arange(-30.0, 31.0), key=lambda s: abs(np.log(s))):
+        psi.data = float(scale) * given
+        if (_least_slacks(problem) > 0).all() and np.isfinite(problem.cost()):
+            return True
+    psi.data = given
+    return False
+
+
+def _infeasible(problem):
+    allowed = "a map of which some multiple has finite energy"
+    if problem.slack_names:
+        worst = problem.slack_names[int(np.argmin(_least_slacks(problem)))]
+        allowed += f" and respects the limit of {worst}"
+    return InputError("start", problem.scene.start, allowed)
+
+
+def _least_slacks(problem):
+    folded = not problem.least_jacobian() > 0
+    return np.array([-np.inf if folded else c.min() for c in problem.slacks()])
 
 
 def _multiply(components, factor):

@@ -52,7 +52,7 @@ class ConstrainedLagrangian(Lagrangian):
         self._flat_weights = point_weights(self.points, self._dx)
         self._sampling = Sampling(self.fes.components[0], self.points, self._dx)
         tensors = self._metric, scene.fabric, lambda: self._curvature
-        here = SampledCloth(self.state, self._sampling, self.points, *tensors)
+        self._here = here = SampledCloth(self.state, self._sampling, self.points, *tensors)
         self._work = self._virtual_work(here)
         self._slacks_here = SampledExpressions(here, self._slacks(here))
 
@@ -67,10 +67,12 @@ class ConstrainedLagrangian(Lagrangian):
         self._model = self._symbolic_energy(cost + limits + self._work.density(cloth))
 
         self.psi_dofs = slice(0, self.fes.Range(1).stop)
-        norm = self._h1_matrix(range(len(trial)))
+        # η are parameters; their metric makes lengths on the surface of them, and norms of these
+        # that depend neither on the chart nor on the unit of length.
+        norm = self._h1_matrix({0: ngs.Id(2), 2: self._metric})
         self._riesz = norm.Inverse(self.free, inverse="sparsecholesky")
         self.relaxed = False
-        self.eta_flow = self._h1_matrix((2, 3))
+        self.eta_flow = self._h1_matrix({2: self._metric})
         self._force, self._rest = (self.state.vec.CreateVector() for _ in range(2))
 
     # What the loop asks -------------------------------------------------------------------
@@ -100,6 +102,12 @@ class ConstrainedLagrangian(Lagrangian):
             for part in self.direction.components[:2]
         ]
         return np.einsum("sip,ip->sp", self._slacks_here.slopes(), np.concatenate(change))
+
+    def mean_strain(self):
+        """The mean of C over the patch, (2, 2); over all of it, where mirrors leave a quarter."""
+        area = self._flat_weights * self._here.jacobians()
+        mean = np.einsum("abp,p->ab", self._here.pushed_tensors()[0], area) / area.sum()
+        return np.diag(np.diag(mean)) if self.scene.symmetric else mean
 
     def take(self, coarse):
         """Interpolate ψ and η from the state of a coarser mesh. Returns whether J > 0."""

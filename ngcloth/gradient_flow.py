@@ -2,7 +2,7 @@
 
 from .history import Reason
 from .newton import newton_step
-from .start import dilate, undistort
+from .start import dilate
 
 # 1/Δt is this fraction of the energy per area that the last step had in sight: long steps follow
 # by themselves as the flow comes to rest, and convergence stays quadratic.
@@ -18,7 +18,7 @@ ROUND_OFF = 1e-26  # energy per area of strains of 1e-13
 
 
 def adaptive_flow(problem, recorder, phase, tolerance):
-    """Flow to rest, one Newton step to each backward Euler step; move a far start first.
+    """Flow to rest, one Newton step to each backward Euler step; dilate a stretched start first.
 
     Parameters
     ----------
@@ -40,7 +40,6 @@ def adaptive_flow(problem, recorder, phase, tolerance):
     exact = bool(recorder.memory.pop("exact", False))
     floor = ROUND_OFF * problem.area
     if not recorder.rows:
-        undistort(problem)
         dilate(problem)
     while not recorder.exhausted:
         rate = DAMPING * boost * max(sight, floor) / problem.area

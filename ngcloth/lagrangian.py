@@ -73,11 +73,10 @@ class Lagrangian:
         # chart then costs what the simplest one does.
         self._metric = self._frozen_symmetric(scene.surface.metric)
         self.area = ngs.Integrate(ngs.sqrt(ngs.Det(self._metric)) * self._dx, mesh)
-        self.flow = self._h1_matrix((0, 1))
+        self.flow = self._h1_matrix({0: ngs.Id(2)})
 
         here = self._kinematics(self.state.components)
         self._jacobian, self._shear = here.jacobian.Compile(), here.shear.Compile()
-        self._invariants = here.I4, here.I6, here.I8
         self._stretches = here.stretch1.Compile(), here.stretch2.Compile()
         self._probe = ngs.GridFunction(self.points)
 
@@ -144,14 +143,6 @@ class Lagrangian:
             largest = max(largest, np.abs(self._probe.vec.FV().NumPy() - 1).max())
         return largest
 
-    def mean_strain(self):
-        """The mean of C over the patch, (2, 2); over all of it, where mirrors leave a quarter."""
-        densities = (self._jacobian * of_patch for of_patch in (1, *self._invariants))
-        sums = [ngs.Integrate(d.Compile() * self._dx, self.fes.mesh) for d in densities]
-        I4, I6, I8 = (total / sums[0] for total in sums[1:])
-        I8 = 0.0 if self.scene.symmetric else I8
-        return np.array([[I4, I8], [I8, I6]])
-
     # How it is put together ---------------------------------------------------------------
 
     def _spaces(self, mesh, order, mirrors):
@@ -216,17 +207,19 @@ class Lagrangian:
         ]
         return self._symbolic_energy(sum(squares[1:], squares[0]))
 
-    def _h1_matrix(self, components):
-        """The H¹ seminorm on the surface of some components of the space.
+    def _h1_matrix(self, products):
+        """The H¹ seminorm on the surface of pairs of components of the space.
 
         ∫ √det a  a^{αβ} ∂αψ·∂βψ does not depend on the chart; where the chart is conformal it is
-        the paper's ∫ ∇ψ:∇ψ (eq. 23).
+        the paper's ∫ ∇ψ:∇ψ (eq. 23). `products` has the inner product (2, 2) of each pair, by the
+        number of its first component.
         """
         weight = ngs.Cof(self._metric) / ngs.sqrt(ngs.Det(self._metric))
         trial, test = self.fes.TnT()
         form = ngs.BilinearForm(self.fes, symmetric=True)
-        for i in components:
-            form += (weight * ngs.grad(trial[i])) * ngs.grad(test[i]) * self._dx
+        for i, product in products.items():
+            u, v = (gradient(*pair[i : i + 2]) for pair in (trial, test))
+            form += ngs.InnerProduct(product * u * weight, v) * self._dx
         return form.Assemble().mat
 
 

@@ -62,10 +62,17 @@ class SampledCloth(Kinematics):
         return np.array([[g22, -g12], [-g21, g11]]) / self.jacobians()
 
     @of_state
+    def pushed_tensors(self):
+        """C, and G⁻ᵀ b G⁻¹ if that is asked for, at the points: a list of (2, 2, points)."""
+        inverse = self.inverses()
+        halves = (np.einsum("ian,ijn->ajn", inverse, tensor) for tensor in self._tensors)
+        return [np.einsum("ajn,jbn->abn", half, inverse) for half in halves]
+
+    @of_state
     def slopes(self):
         """Derivatives of C11, C22, C12, … by G11, G12, G21, G22: (variables − 4, 4, points)."""
         inverse, slopes = self.inverses(), []
-        for pushed in self._pushed():
+        for pushed in self.pushed_tensors():
             # dT = −(Yᵀ T + T Y), where row i of Y = dG G⁻¹ is row j of G⁻¹ and the other is zero.
             half = -np.einsum("jan,ibn->abijn", inverse, pushed)
             slopes += [2 * half[0, 0], 2 * half[1, 1], half[0, 1] + half[1, 0]]
@@ -75,16 +82,10 @@ class SampledCloth(Kinematics):
     def update(self):
         """Set `variables` to their values at the current state."""
         values = list(self.gradients().reshape(4, -1))
-        for (t11, t12), (_, t22) in self._pushed():
+        for (t11, t12), (_, t22) in self.pushed_tensors():
             values += [t11, t22, t12]
         for field, row in zip(self.variables, values, strict=True):
             field.vec.FV().NumPy()[:] = row
-
-    @of_state
-    def _pushed(self):
-        inverse = self.inverses()
-        halves = (np.einsum("ian,ijn->ajn", inverse, tensor) for tensor in self._tensors)
-        return [np.einsum("ajn,jbn->abn", half, inverse) for half in halves]
 
 
 class SampledExpressions:

@@ -5,7 +5,7 @@ import numpy as np
 from .errors import InputError
 
 STRETCHED = 10.0  # cost per area over kc above which a start is dilated
-DISTORTED = 3.0  # ratio of mean stretches above which such a start is undistorted first
+DISTORTED = 3.0  # ratio of mean stretches above which a start is undistorted
 
 
 def feasible_start(problem, recorder):
@@ -39,22 +39,26 @@ def feasible_start(problem, recorder):
 
 
 def undistort(problem):
-    """Let a far start be followed by the linear map of the plane that makes C one in the mean.
+    """Let a distorted start be followed by the linear map that makes C one in the mean.
 
     Where the coordinates of a chart are sheared or of different scales, a start that is simple in
     them is far from any answer, along a curved valley that Newton steps take ever so slowly.
 
     Parameters
     ----------
-    problem : Lagrangian
-        Its `state` is moved, unless it costs little or the mean C is not far from isotropic.
+    problem : ConstrainedLagrangian
+        Its `state` is moved if the mean C is far from isotropic, and the map lowers the cost.
     """
-    if not (problem.least_jacobian() > 0 and STRETCHED * problem.area < problem.cost() < np.inf):
+    given = problem.cost()
+    if not (problem.least_jacobian() > 0 and np.isfinite(given)):
         return
     squares, axes = np.linalg.eigh(problem.mean_strain())
     if squares[1] > DISTORTED**2 * squares[0] > 0:
         rows = [psi.vec.FV().NumPy() for psi in problem.state.components[:2]]
-        rows[0][:], rows[1][:] = axes * np.sqrt(squares) @ axes.T @ np.array(rows)
+        kept = np.array(rows)
+        rows[0][:], rows[1][:] = axes * np.sqrt(squares) @ axes.T @ kept
+        if not problem.cost() < given:
+            rows[0][:], rows[1][:] = kept
 
 
 def dilate(problem, allowed=lambda: True):

@@ -27,7 +27,7 @@ FELT = {
 def cloths(request):
     """The cloth at the points of a problem, and the same in expressions."""
     problem = discretised(TAYLOR[request.param]())
-    here = problem._slacks_here._cloth
+    here = problem._here
     surface, fabric = problem.scene.surface, problem.scene.fabric
     slope = gradient(*problem.state.components[:2])
     cloth = Kinematics(slope, surface.metric, fabric, lambda: surface.curvature)

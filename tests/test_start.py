@@ -6,10 +6,10 @@ import ngsolve as ngs
 import numpy as np
 import pytest
 
-from ngcloth import Disk, Net, Reason, Scene, Surface, scenes, solve
+from ngcloth import Disk, Elongation, Net, Reason, Scene, Surface, scenes, solve
 from ngcloth.constrained import ConstrainedLagrangian
 from ngcloth.solve import make_mesh
-from ngcloth.start import STRETCHED, dilate
+from ngcloth.start import STRETCHED, dilate, undistort
 
 BUMP = Surface(lambda x, y: (x, y, ngs.exp(-(x * x + y * y) / 0.09)), Disk())
 FAR = scenes.sphere(0.95, shear_limit=cos(pi / 6))  # λ up to 40 at its start
@@ -107,3 +107,41 @@ def test_hessian_takes_over_from_gauss_newton(scene, maxh, energy):
     assert result.converged
     assert result.normalized_energy == pytest.approx(energy, rel=1e-3)
     assert result.newton_iterations <= 18
+
+
+def paraboloid(shear):
+    """A cap on sheared coordinates, flat enough for all shears to be nearly the same."""
+
+    def chart(x, y):
+        u = x + shear * y
+        return u, y, -0.3 * (u * u + y * y) / (1 + shear)
+
+    return Surface(chart, Disk())
+
+
+@pytest.mark.parametrize("shear", [5.0, 10.0, 100.0])
+def test_start_on_sheared_coordinates(shear):
+    """Followed by a linear map, it is nearly isometric; without, at 10, up to 200 steps."""
+    scene = Scene(paraboloid(shear), Net(1.0, 1.0), (Elongation(),))
+    result = solve(scene, maxh=0.3)
+    assert result.converged
+    assert result.newton_iterations <= 40
+    assert result.extrema["stretch1"][1] < 1.2  # 2.5 at what is found without, at shear 10
+
+
+def test_undistorted_start_is_an_isometry_in_the_mean():
+    problem = discretised(Scene(paraboloid(10.0), Net(1.0, 1.0), (Elongation(),)))
+    assert problem.cost() > 10 * problem.area
+    undistort(problem)
+    assert problem.mean_strain() == pytest.approx(np.eye(2), abs=1e-12)
+    kept = problem.state.vec.FV().NumPy().copy()
+    undistort(problem)
+    assert np.array_equal(problem.state.vec.FV().NumPy(), kept)
+
+
+def test_undistorted_start_keeps_its_mirrors():
+    problem = discretised(with_start(scenes.hemisphere(1.0), (0.05, 2.0)))
+    undistort(problem)
+    assert np.diag(problem.mean_strain()) == pytest.approx([1, 1], abs=1e-12)
+    vector = problem.state.vec.FV().NumPy()
+    assert not vector[~np.array(list(problem.free))].any()

@@ -243,7 +243,7 @@ def _charts():
             lambda s=stretch: cloth(catenoid(stretch=s)),
             {"maxh": 0.1 * max(1.0, stretch)},
         )
-    for shear in (1, 3, 10):
+    for shear in (1, 3, 10, 30, 100):
         yield Case(
             "sheared chart, ks = 1",
             f"{shear:g}",

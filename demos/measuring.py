@@ -33,13 +33,13 @@ SCENES |= {
     f"obstacle, ks = {ks}": lambda ks=ks: scenes.hemicatenoid(ks, obstacle=True) for ks in (1, 100)
 }
 # From the paper's start, IPOPT and ngcloth end in different minima; from these in the same.
-TURNED = {1: 10, 100: -10}
-SCENES |= {
+TURNED = {
     f"obstacle, ks = {ks}, start turned by {angle}°": lambda ks=ks, angle=angle: obstacle.scene(
         ks, angle
     )
-    for ks, angle in TURNED.items()
+    for ks, angle in ((1, 10), (100, -10))
 }
+SCENES |= TURNED
 SHORT = 0.5  # repeat solves shorter than this many seconds, and take the best
 INSIDE = 0.9  # of the way from the centre to the rim: stretches are compared there
 PEER = "IPOPT"

@@ -101,10 +101,7 @@ MESHES = {
         (0.25,),
     ),
 }
-MESHES |= {
-    f"obstacle, ks = {ks}, start turned by {angle}°": ((), (), ((0.5, None), (0.4, None)), (0.25,))
-    for ks, angle in measuring.TURNED.items()
-}
+MESHES |= dict.fromkeys(measuring.TURNED, ((), (), ((0.5, None), (0.4, None)), (0.25,)))
 # Scenes and mesh sizes h that are solved with size h² along the rim, too.
 GRADED = {
     "hemisphere, ks = 1": (0.3, 0.2, 0.15, 0.1, 0.07),
@@ -159,7 +156,7 @@ def jobs(scene, meshes):
     found += [(WEAK, {"maxh": maxh, **weak}) for maxh in both]
     found += [(f"order 4, {WEAK}", {"order": 4, "maxh": maxh, **weak}) for maxh in fourth]
     budget = {"max_steps": 10**6, "cpu_budget": BUDGET}
-    papers = others if scene not in LEFT_OUT and "turned" not in scene else ()
+    papers = others if scene not in (*LEFT_OUT, *measuring.TURNED) else ()
     found += [(PAPER, {"schedule": "paper", "maxh": maxh, **budget}) for maxh in papers]
     if importlib.util.find_spec("casadi"):
         found += [(PEER, {"maxh": maxh}) for maxh in others]

@@ -23,17 +23,21 @@ def feasible_start(problem, recorder):
     InputError
         If no multiple of the start is feasible.
     """
-    psi, sizes = problem.state.vec, _sizes(problem)
+    psi = problem.state.vec
     given = psi.CreateVector()
     given.data = psi
-    undistort(problem)
+    undistorted = undistort(problem)
+    sizes = _sizes(problem)
     if not _scale(problem):
-        psi.data = given
+        psi.data, undistorted = given, False
+        sizes = _sizes(problem)
         if not _scale(problem):
             raise _infeasible(problem)
     room = np.minimum(0.1, _least_slacks(problem) / 2)
     dilate(problem, lambda: (_least_slacks(problem) >= room).all())
     factors = _sizes(problem) / sizes
+    if recorder.log and undistorted:
+        recorder.log("start followed by the linear map that makes C one in the mean")
     if recorder.log and (factors != 1).any():
         recorder.log("start multiplied by " + " and ".join(f"{factor:.3g}" for factor in factors))
 
@@ -48,17 +52,25 @@ def undistort(problem):
     ----------
     problem : ConstrainedLagrangian
         Its `state` is moved if the mean C is far from isotropic, and the map lowers the cost.
+
+    Returns
+    -------
+    bool
+        Whether it was.
     """
     given = problem.cost()
     if not (problem.least_jacobian() > 0 and np.isfinite(given)):
-        return
+        return False
     squares, axes = np.linalg.eigh(problem.mean_strain())
-    if squares[1] > DISTORTED**2 * squares[0] > 0:
-        rows = [psi.vec.FV().NumPy() for psi in problem.state.components[:2]]
-        kept = np.array(rows)
-        rows[0][:], rows[1][:] = axes * np.sqrt(squares) @ axes.T @ kept
-        if not problem.cost() < given:
-            rows[0][:], rows[1][:] = kept
+    if not squares[1] > DISTORTED**2 * squares[0] > 0:
+        return False
+    rows = [psi.vec.FV().NumPy() for psi in problem.state.components[:2]]
+    kept = np.array(rows)
+    rows[0][:], rows[1][:] = axes * np.sqrt(squares) @ axes.T @ kept
+    if problem.cost() < given:
+        return True
+    rows[0][:], rows[1][:] = kept
+    return False
 
 
 def dilate(problem, allowed=lambda: True):

@@ -55,11 +55,12 @@ class VirtualWork:
     @of_state
     def stress_slopes(self):
         """Its derivatives by the components of ∇ψ, (4, 3, points)."""
-        inverse, (s11, s12, s22) = self._cloth.inverses(), self.stress()
+        inverse, stress = self._cloth.inverses(), self.stress()
+        s11, s12, s22 = stress
         # d(J S) by the rule of products, with dJ = J tr(G⁻¹ dG) and dG⁻¹ = −G⁻¹ dG G⁻¹.
         changes = self._energy_slopes.slopes() * self._cloth.jacobians()
         slopes = np.einsum("kin,kcn->icn", changes, self._directions()).reshape(2, 2, 3, -1)
-        slopes += np.einsum("jin,cn->ijcn", inverse, self.stress())
+        slopes += np.einsum("jin,cn->ijcn", inverse, stress)
         turned = np.einsum("cin,jdn->cdijn", inverse, np.array([[s11, s12], [s12, s22]]))
         slopes[:, :, 0] -= 2 * turned[0, 0]
         slopes[:, :, 1] -= turned[0, 1] + turned[1, 0]

@@ -16,7 +16,7 @@ FELT = {
     "reaction": lambda cloth: [cloth.reaction],
     "G itself": lambda cloth: [
         cloth.gradient[1, 0] * cloth.inverse[0, 1],
-        ngs.sqrt(cloth.jacobian),
+        ngs.sqrt(cloth.jacobian) * cloth.cauchy_green[1, 0],
     ],
     "a constant": lambda cloth: [ngs.CF(2.0)],
     "nothing": lambda cloth: [],

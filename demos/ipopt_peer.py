@@ -6,7 +6,7 @@ A constrained scene on a mesh is a nonlinear program,
     subject to  ∫ J S : L_η a = 0               for every free basis function η
                 c(θ_q) ≥ 0                      for every slack c at every integration point.
 
-Here IPOPT solves it, from ngcloth's start on ngcloth's mesh, spaces and points: exact first and
+Here IPOPT solves it, from the scene's start on ngcloth's mesh, spaces and points: exact first and
 second derivatives, adaptive barrier, kernels in compiled C where there is a compiler.
 
 IPOPT's barrier weighs all slacks alike, ngcloth's by area. So IPOPT goes to the optimum, ngcloth as
@@ -30,7 +30,7 @@ import numpy as np
 import ngcloth
 from ngcloth.constrained import ConstrainedLagrangian
 from ngcloth.errors import InputError
-from ngcloth.history import Reason, Recorder
+from ngcloth.history import Reason
 from ngcloth.result import Result
 from ngcloth.solve import make_mesh
 from ngcloth.start import feasible_start
@@ -97,10 +97,10 @@ def solve_with_ipopt(scene, maxh, order=2, multiplier_order=None, quadrature=Non
 
 
 def discretise(scene, maxh, order, multiplier_order, quadrature):
-    """ngcloth's problem on ngcloth's mesh, at ngcloth's feasible start."""
+    """ngcloth's problem on ngcloth's mesh, at the scene's start, made feasible."""
     space = order, quadrature, "umfpack", multiplier_order
     problem = ConstrainedLagrangian(scene, make_mesh(scene, maxh, order), *space)
-    feasible_start(problem, Recorder(1.0, 1, None))
+    feasible_start(problem)
     return problem
 
 

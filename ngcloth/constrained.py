@@ -103,11 +103,15 @@ class ConstrainedLagrangian(Lagrangian):
         ]
         return np.einsum("sip,ip->sp", self._slacks_here.slopes(), np.concatenate(change))
 
-    def mean_strain(self):
-        """The mean of C over the patch, (2, 2); over all of it, where mirrors leave a quarter."""
-        area = self._flat_weights * self._here.jacobians()
-        mean = np.einsum("abp,p->ab", self._here.pushed_tensors()[0], area) / area.sum()
-        return np.diag(np.diag(mean)) if self.scene.symmetric else mean
+    def rigid_step(self):
+        """Move ψ to where ∇ψ is nearest to R √a, R being the rotation now nearest to ∇ψ √a⁻¹.
+
+        This is a step to the flattening as rigid as possible of Liu et al. (2008): the mean of
+        |∇ψ √a⁻¹ − R|² over the surface falls with each.
+        """
+        load, inverse = self._rigid
+        self._rest.data = load.Assemble().vec - self.flow * self.state.vec
+        self.state.vec.data += inverse * self._rest
 
     def take(self, coarse):
         """Interpolate ψ and η from the state of a coarser mesh. Returns whether J > 0."""
@@ -207,6 +211,21 @@ class ConstrainedLagrangian(Lagrangian):
         return solve
 
     # How it is put together ---------------------------------------------------------------
+
+    @cached_property
+    def _rigid(self):
+        """∫ R √a a⁻¹ : ∇v dA at the current ψ, and the inverse of `flow` on ψ."""
+        metric, area = self._metric, ngs.sqrt(ngs.Det(self._metric))
+        root = (metric + area * ngs.Id(2)) / ngs.sqrt(ngs.Trace(metric) + 2 * area)
+        strain = gradient(*self._psi) * ngs.Inv(root)
+        twice = strain + ngs.Cof(strain)  # a multiple of the rotation nearest to the strain
+        rotation = twice / ngs.sqrt(ngs.Det(twice))
+        target = (rotation * root * ngs.Cof(metric) / area).Compile()
+        load = ngs.LinearForm(self.fes)
+        load += ngs.InnerProduct(target, gradient(*self.fes.TestFunction()[:2])) * self._dx
+        moving = ngs.BitArray(self.free)
+        moving[self.psi_dofs.stop :] = False
+        return load, self.flow.Inverse(moving, inverse="sparsecholesky")
 
     def _refine(self, matrix, inverse, load, out):
         """Iterate out ← out + inverse (load − matrix out) to 1e-10; whether that succeeded."""

@@ -9,7 +9,7 @@ pseudo-time term, 1/Δt times the flow's inner product, raised until the step ha
 import numpy as np
 
 from .history import Reason
-from .start import feasible_start
+from .start import near_start
 
 FIRST_MU, WARM_MU = 1.0, 0.2  # of a solve from the scene's start, and from a coarser mesh
 # A start of more energy per area over kc is relaxed first: without equilibrium, and at this
@@ -53,7 +53,7 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
     Reason
     """
     if not (warm or recorder.memory):
-        feasible_start(problem, recorder)
+        near_start(problem, recorder)
     stress = problem.cost() / problem.area
     if not problem.slack_names:  # no barrier to weaken
         iterate = Iterate(problem, last_mu)

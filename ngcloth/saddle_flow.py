@@ -37,7 +37,7 @@ def saddle_flow(problem, recorder, last_mu, tolerance):
     if recorder.memory:
         problem.mu, relaxed = (recorder.memory[name].item() for name in ("mu", "relaxed"))
     else:
-        feasible_start(problem, recorder)
+        feasible_start(problem)
     anchor = problem.state.vec.CreateVector()
     while not recorder.exhausted:
         anchor.data = problem.state.vec

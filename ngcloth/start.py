@@ -1,15 +1,20 @@
-"""The start of a solve: made feasible, and of a size from which Newton steps are few."""
+"""The start of a solve: as rigid as it gets, feasible, and of a size from which steps are few."""
+
+from operator import itemgetter
 
 import numpy as np
 
 from .errors import InputError
 
 STRETCHED = 10.0  # cost per area over kc above which a start is dilated
-DISTORTED = 3.0  # ratio of mean stretches above which a start is undistorted
+# Rigid steps go on while each lowers the cost to less than this fraction; but no more of them.
+WORTHWHILE, RIGID_STEPS = 0.99, 30
 
 
-def feasible_start(problem, recorder):
-    """Scale the start until it is feasible; undistort and dilate one that is stretched far.
+def near_start(problem, recorder):
+    """Make the start feasible, or what comes of flattening it, whichever is nearer to the answer.
+
+    Nearer is where cost per area and imbalance, both over kc, have the smaller sum.
 
     Parameters
     ----------
@@ -24,53 +29,60 @@ def feasible_start(problem, recorder):
         If no multiple of the start is feasible.
     """
     psi = problem.state.vec
-    given = psi.CreateVector()
+    given, flat = psi.CreateVector(), psi.CreateVector()
     given.data = psi
-    undistorted = undistort(problem)
-    sizes = _sizes(problem)
-    if not _scale(problem):
-        psi.data, undistorted = given, False
-        sizes = _sizes(problem)
-        if not _scale(problem):
-            raise _infeasible(problem)
-    room = np.minimum(0.1, _least_slacks(problem) / 2)
-    dilate(problem, lambda: (_least_slacks(problem) >= room).all())
-    factors = _sizes(problem) / sizes
-    if recorder.log and undistorted:
-        recorder.log("start followed by the linear map that makes C one in the mean")
+    flatten(problem)
+    flat.data = psi
+    candidates = [_feasible_multiple(problem, start) for start in (given, flat)]
+    distance, nearest, factors = min(candidates, key=itemgetter(0))
+    if distance == np.inf:
+        psi.data = given
+        raise _infeasible(problem)
+    psi.data = nearest
+    if recorder.log and nearest is candidates[1][1]:
+        recorder.log("start made as rigid as possible")
     if recorder.log and (factors != 1).any():
         recorder.log("start multiplied by " + " and ".join(f"{factor:.3g}" for factor in factors))
 
 
-def undistort(problem):
-    """Let a distorted start be followed by the linear map that makes C one in the mean.
-
-    Where the coordinates of a chart are sheared or of different scales, a start that is simple in
-    them is far from any answer, along a curved valley that Newton steps take ever so slowly.
+def feasible_start(problem):
+    """Scale the start until it is feasible, and dilate it if it is stretched far.
 
     Parameters
     ----------
     problem : ConstrainedLagrangian
-        Its `state` is moved if the mean C is far from isotropic, and the map lowers the cost.
+        Its `state` is moved.
 
-    Returns
-    -------
-    bool
-        Whether it was.
+    Raises
+    ------
+    InputError
+        If no multiple of the start is feasible.
     """
-    given = problem.cost()
-    if not (problem.least_jacobian() > 0 and np.isfinite(given)):
-        return False
-    squares, axes = np.linalg.eigh(problem.mean_strain())
-    if not squares[1] > DISTORTED**2 * squares[0] > 0:
-        return False
-    rows = [psi.vec.FV().NumPy() for psi in problem.state.components[:2]]
-    kept = np.array(rows)
-    rows[0][:], rows[1][:] = axes * np.sqrt(squares) @ axes.T @ kept
-    if problem.cost() < given:
-        return True
-    rows[0][:], rows[1][:] = kept
-    return False
+    if not _make_feasible(problem):
+        raise _infeasible(problem)
+
+
+def flatten(problem):
+    """Take rigid steps from the start, and go on as long as the cost falls.
+
+    They come near an isometry along which Newton steps would have to follow a curved valley, be it
+    from a stretched start or one on sheared or uneven coordinates.
+
+    Parameters
+    ----------
+    problem : ConstrainedLagrangian
+        Its `state` is moved.
+    """
+    psi, last = problem.state.vec, np.inf
+    before = psi.CreateVector()
+    for _ in range(RIGID_STEPS):
+        before.data = psi
+        problem.rigid_step()
+        cost = problem.cost()
+        if not (problem.least_jacobian() > 0 and cost < WORTHWHILE * last):
+            psi.data = before
+            break
+        last = cost
 
 
 def dilate(problem, allowed=lambda: True):
@@ -103,10 +115,34 @@ def _scale(problem):
     given.data = psi
     for scale in sorted(1.25 ** np.arange(-30.0, 31.0), key=lambda s: abs(np.log(s))):
         psi.data = float(scale) * given
-        if (_least_slacks(problem) > 0).all() and np.isfinite(problem.cost()):
+        if _feasible(problem):
             return True
     psi.data = given
     return False
+
+
+def _make_feasible(problem):
+    """Scale and dilate the state; whether some multiple of it is feasible."""
+    if not _scale(problem):
+        return False
+    room = np.minimum(0.1, _least_slacks(problem) / 2)
+    dilate(problem, lambda: (_least_slacks(problem) >= room).all())
+    return True
+
+
+def _feasible_multiple(problem, start):
+    """How far from the answer a start is once it is feasible, what it is then, by which factors.
+
+    The distance is infinite for one that cannot be made feasible.
+    """
+    psi = problem.state.vec
+    psi.data = start
+    sizes, distance = _sizes(problem), np.inf
+    if _make_feasible(problem):
+        distance = problem.cost() / problem.area + problem.imbalance() / np.sqrt(problem.area)
+    multiple = psi.CreateVector()
+    multiple.data = psi
+    return distance, multiple, _sizes(problem) / sizes
 
 
 def _infeasible(problem):
@@ -115,6 +151,10 @@ def _infeasible(problem):
         worst = problem.slack_names[int(np.argmin(_least_slacks(problem)))]
         allowed += f" and respects the limit of {worst}"
     return InputError("start", problem.scene.start, allowed)
+
+
+def _feasible(problem):
+    return (_least_slacks(problem) > 0).all() and np.isfinite(problem.cost())
 
 
 def _least_slacks(problem):

@@ -1,4 +1,4 @@
-"""Starts far from the answer: scaled, dilated and relaxed, they lead to it in few steps."""
+"""Starts far from the answer: flattened, dilated and relaxed, they lead to it in few steps."""
 
 from math import cos, pi
 
@@ -6,10 +6,24 @@ import ngsolve as ngs
 import numpy as np
 import pytest
 
-from ngcloth import Disk, Elongation, Net, Reason, Scene, ShearLimit, Surface, scenes, solve
+from ngcloth import (
+    Disk,
+    Elongation,
+    Net,
+    Reason,
+    Rectangle,
+    Scene,
+    ShearLimit,
+    Surface,
+    scenes,
+    solve,
+)
 from ngcloth.constrained import ConstrainedLagrangian
+from ngcloth.history import Recorder
+from ngcloth.interior_point import interior_point
+from ngcloth.kinematics import gradient
 from ngcloth.solve import make_mesh
-from ngcloth.start import STRETCHED, dilate, undistort
+from ngcloth.start import STRETCHED, dilate, flatten, near_start
 
 BUMP = Surface(lambda x, y: (x, y, ngs.exp(-(x * x + y * y) / 0.09)), Disk())
 FAR = scenes.sphere(0.95, shear_limit=cos(pi / 6))  # λ up to 40 at its start
@@ -121,7 +135,7 @@ def paraboloid(shear):
 
 @pytest.mark.parametrize("shear", [5.0, 10.0, 100.0])
 def test_start_on_sheared_coordinates(shear):
-    """Followed by a linear map, it is nearly isometric; without, at 10, 204 steps."""
+    """Flattened, it is nearly isometric; without, at 10, 204 steps."""
     scene = Scene(paraboloid(shear), Net(1.0, 1.0), (Elongation(),))
     result = solve(scene, maxh=0.3)
     assert result.converged
@@ -129,30 +143,69 @@ def test_start_on_sheared_coordinates(shear):
     assert result.extrema["stretch1"][1] < 1.2  # 2.5 at what is found without, at shear 10
 
 
-def test_undistorted_start_is_an_isometry_in_the_mean():
-    problem = discretised(Scene(paraboloid(10.0), Net(1.0, 1.0), (Elongation(),)))
-    assert problem.cost() > 10 * problem.area
-    undistort(problem)
-    assert problem.mean_strain() == pytest.approx(np.eye(2), abs=1e-12)
-    kept = problem.state.vec.FV().NumPy().copy()
-    undistort(problem)
-    assert np.array_equal(problem.state.vec.FV().NumPy(), kept)
+def test_flattened_start_of_a_developable_surface_is_an_isometry():
+    """A cone, cut open: steps lead to the one flattening without strain, and go on to it."""
+    cone = Surface(
+        lambda x, y: (x * ngs.cos(y) / 2, x * ngs.sin(y) / 2, np.sqrt(0.75) * x),
+        Rectangle((1, 2), (0, pi)),
+    )
+    problem = discretised(Scene(cone, Net(1.0, 1.0), (Elongation(),), (3.0, 0.4)), 0.1)
+    assert problem.cost() > problem.area
+    flatten(problem)
+    assert problem.cost() < 1e-2 * problem.area
+    for _ in range(100):
+        problem.rigid_step()
+    assert problem.cost() < 1e-6 * problem.area
 
 
-def test_undistorted_start_keeps_its_mirrors():
-    problem = discretised(with_start(scenes.hemisphere(1.0), (0.05, 2.0)))
-    undistort(problem)
-    assert np.diag(problem.mean_strain()) == pytest.approx([1, 1], abs=1e-12)
+def test_rigid_steps_lower_the_distance_to_an_isometry():
+    """∫ |∇ψ √a⁻¹ − R|² dA falls with each, with R the nearest rotation."""
+    problem = discretised(with_start(scenes.hemicatenoid(1.0), (2.0, 0.5)))
+    metric = problem.scene.surface.metric  # conformal: √a is a multiple of one
+
+    def distance():
+        g = gradient(*problem.state.components[:2]) / ngs.sqrt(metric[0, 0])
+        twice = g + ngs.Cof(g)
+        square = ngs.InnerProduct(g, g) - 2 * ngs.sqrt(ngs.Det(twice)) + 2
+        return ngs.Integrate(square * metric[0, 0], problem.fes.mesh)
+
+    distances = [distance()]
+    for _ in range(5):
+        problem.rigid_step()
+        distances.append(distance())
+    assert (np.diff(distances) < 0).all()
     vector = problem.state.vec.FV().NumPy()
     assert not vector[~np.array(list(problem.free))].any()
 
 
-def test_start_sheared_beyond_its_limit_is_undistorted():
-    """No multiple of it respects the limit, but one does after the map; the log says so."""
+def test_tall_hemicatenoid():
+    """A start that is rigid where it can be; without, it takes 83 steps."""
+    tall = Surface(
+        lambda x, y: (ngs.cosh(y) * ngs.cos(x), ngs.cosh(y) * ngs.sin(x), y),
+        Rectangle((0, pi), (-2.5, 2.5)),
+    )
+    result = solve(Scene(tall, Net(ks=1.0), (Elongation(),), symmetric=True), maxh=0.25)
+    assert result.converged
+    assert result.newton_iterations <= 60
+    assert result.normalized_energy == pytest.approx(3.1214, rel=1e-4)
+
+
+def test_start_that_is_near_stays():
+    """A flattened start has to cost less than a feasible one when it is feasible itself."""
+    problem = discretised(scenes.hemisphere(1.0))
+    interior_point(problem, Recorder(1.0, 100, None), 1e-2)
+    found = problem.state.vec.FV().NumPy().copy()
+    near_start(problem, Recorder(1.0, 100, None))
+    assert np.array_equal(problem.state.vec.FV().NumPy(), found)
+
+
+@pytest.mark.parametrize("shear", [1.0, 2.0])
+def test_start_sheared_beyond_its_limit_is_flattened(shear):
+    """No multiple of it respects the limit, but of the flattened one; the log says so."""
     limits, lines = (Elongation(), ShearLimit(0.5)), []
-    surface, start = scenes.hemisphere().surface, lambda x, y: (x + 2 * y, y)
+    surface, start = scenes.hemisphere().surface, lambda x, y: (x + shear * y, y)
     result = solve(Scene(surface, Net(ks=10.0), limits, start), maxh=0.4, log=lines.append)
     assert result.converged
-    assert any("linear map" in line for line in lines)
+    assert any("rigid" in line for line in lines)
     usual = solve(Scene(surface, Net(ks=10.0), limits), maxh=0.4)
     assert result.energy == pytest.approx(usual.energy, rel=0.02)

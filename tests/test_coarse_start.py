@@ -126,7 +126,7 @@ def test_half_the_order_saves_steps(from_scene_start):
 
 
 def test_steps_do_not_grow_with_the_order():
-    """From the scene's start it takes up to 39."""
+    """From the start as given, without lower orders, it takes up to 39."""
     counts = [
         ngcloth.solve(scenes.hemisphere(1.0), maxh=0.3, order=order).newton_iterations
         for order in (2, 3, 4, 5, 7)

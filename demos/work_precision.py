@@ -311,6 +311,7 @@ def plot(rows, folder):
             for bar in bars:
                 panel.axhspan(bar[name] / 10, bar[name], color="0.9", label="bar of the reference")
             panel.set(xlabel="CPU seconds, one thread", title=title)
+            panel.tick_params(which="minor", labelsize="x-small", labelrotation=45)
             panel.grid(True, alpha=0.3)
         panels[0].legend(fontsize="small")
         figure.suptitle(scene)

@@ -23,7 +23,7 @@ from ngcloth.history import Recorder
 from ngcloth.interior_point import interior_point
 from ngcloth.kinematics import gradient
 from ngcloth.solve import make_mesh
-from ngcloth.start import STRETCHED, dilate, flatten, near_start
+from ngcloth.start import STRETCHED, dilate, feasible_start, flatten, near_start
 
 BUMP = Surface(lambda x, y: (x, y, ngs.exp(-(x * x + y * y) / 0.09)), Disk())
 FAR = scenes.sphere(0.95, shear_limit=cos(pi / 6))  # λ up to 40 at its start
@@ -191,12 +191,25 @@ def test_tall_hemicatenoid():
 
 
 def test_start_that_is_near_stays():
-    """A flattened start has to cost less than a feasible one when it is feasible itself."""
+    """What comes of flattening a solution costs more once it is feasible, and is not balanced."""
     problem = discretised(scenes.hemisphere(1.0))
     interior_point(problem, Recorder(1.0, 100, None), 1e-2)
     found = problem.state.vec.FV().NumPy().copy()
     near_start(problem, Recorder(1.0, 100, None))
     assert np.array_equal(problem.state.vec.FV().NumPy(), found)
+
+
+def test_stiff_cloth_keeps_a_start_without_shear():
+    """The hemisphere's start is conformal; flattened it has less energy and less balance."""
+    problem, other = (discretised(scenes.hemisphere(100.0)) for _ in range(2))
+    near_start(problem, Recorder(1.0, 100, None))
+    feasible_start(other)
+    assert np.array_equal(*(each.state.vec.FV().NumPy() for each in (problem, other)))
+    cost, imbalance = other.cost(), other.imbalance()
+    flatten(other)
+    feasible_start(other)
+    assert other.cost() < cost
+    assert other.imbalance() > 2 * imbalance
 
 
 @pytest.mark.parametrize("shear", [1.0, 2.0])

@@ -206,7 +206,7 @@ class Program:
         psi = at_points(problem, (0, 1), slopes)
         eta = at_points(problem, (2, 3), [lambda u: u, *slopes])
         held, psi, eta = psi @ state, psi[:, self.unknowns.tolist()], eta[:, multipliers.tolist()]
-        geometry, n = geometry_at_points(problem), problem.points.ndof
+        geometry, n = geometry_at_points(problem), len(problem.points)
         kernels = point_kernels(problem.scene.fabric, problem.scene.constraints)
         values, firsts, seconds = (kernel.map(n) for kernel in kernels)
         n_eta, n_slacks = eta.size2(), values.numel_out(2)
@@ -237,30 +237,21 @@ def at_points(problem, components, entries):
     rows, columns, values = [], [], []
     fields = [(i, entry) for i in components for entry in entries]
     for k, (i, entry) in enumerate(fields):
-        u, v = fes.components[i].TrialFunction(), points.TestFunction()
-        form = ngs.BilinearForm(entry(u) * v * ngs.dx(intrules=points.GetIntegrationRules()))
+        u, v = fes.components[i].TrialFunction(), points.space.TestFunction()
+        form = ngs.BilinearForm(entry(u) * v * points.dx)
         point, dof, value = (np.array(part) for part in form.Assemble().mat.COO())
         rows += (len(fields) * point + k).tolist()
         columns += (fes.Range(i).start + dof).tolist()
-        values += (value / integration_weights(points)[point]).tolist()
-    return ca.DM.triplet(rows, columns, values, len(fields) * points.ndof, fes.ndof)
+        values += (value / points.weights[point]).tolist()
+    return ca.DM.triplet(rows, columns, values, len(fields) * len(points), fes.ndof)
 
 
 def geometry_at_points(problem):
     """Weight, a, ∂1a, ∂2a and b at the points, (13, points)."""
-    surface, field = problem.scene.surface, ngs.GridFunction(problem.points)
-    rows = [integration_weights(problem.points)]
-    for tensor in (surface.metric, *surface.metric_derivatives, surface.curvature):
-        for entry in (tensor[0, 0], tensor[0, 1], tensor[1, 1]):
-            field.Interpolate(entry)
-            rows.append(field.vec.FV().NumPy().copy())
-    return np.array(rows)
-
-
-def integration_weights(points):
-    """Weight of each integration point in the parameter plane."""
-    weights = ngs.LinearForm(points.TestFunction() * ngs.dx(intrules=points.GetIntegrationRules()))
-    return weights.Assemble().vec.FV().NumPy()
+    surface, points = problem.scene.surface, problem.points
+    tensors = surface.metric, *surface.metric_derivatives, surface.curvature
+    entries = [tensor[i] for tensor in tensors for i in ((0, 0), (0, 1), (1, 1))]
+    return np.vstack([points.weights, points.sample(ngs.CF(tuple(entries)))])
 
 
 def diagonal(blocks, n):

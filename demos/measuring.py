@@ -161,7 +161,7 @@ def profile(name, maxh):
         "mesh and set-up": cumulative("solve.py", "_discretised"),
         "from coarser meshes": cumulative("constrained.py", "take"),
         "start": cumulative("start.py", "near_start"),
-        "matrix": cumulative("lagrangian.py", "hessian"),
+        "matrix": cumulative("constrained.py", "hessian"),
         "factorisation, solution": cumulative("constrained.py", "solver", "solve"),
         "line search": cumulative("interior_point.py", "_line_search"),
     }

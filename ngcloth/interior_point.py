@@ -155,8 +155,7 @@ class Iterate:
     def error(self):
         """The largest of stationarity, imbalance, c − s and complementarity, per area."""
         problem = self.problem
-        problem.freeze(self.c, self.z, self.z / self.s)
-        problem.gradient(self._force)
+        problem.gradient(self.z, self._force)
         self._force.FV().NumPy()[problem.psi_dofs.stop :] = 0
         forces = problem.dual_norm(self._force), problem.imbalance()
         # A multiplier is known to the rounding of its slack, times z/s.
@@ -210,9 +209,8 @@ class Iterate:
 
     def _force_toward(self, products):
         """Set the force whose Newton step takes s z to `products`, with ds and dz eliminated."""
-        problem, stiffness = self.problem, self.z / self.s
-        problem.freeze(self.c, products / self.s - stiffness * (self.c - self.s), stiffness)
-        problem.gradient(self._force)
+        pressure = products / self.s - self.z / self.s * (self.c - self.s)
+        self.problem.gradient(pressure, self._force)
 
     def _slack_step(self, products):
         ds = self.problem.slack_changes() + self.c - self.s
@@ -225,9 +223,8 @@ class Iterate:
     def _regularised(self, recorder):
         """Solve with a rate at which the step in ψ has positive curvature; return the solver."""
         problem = self.problem
-        problem.freeze(self.c, self.z, self.z / self.s)
         direction, psi_step = problem.direction.vec, self._psi_step
-        matrix = problem.hessian()
+        matrix = problem.hessian(self.z, self.z / self.s)
         added = 0.0
         while True:
             matrix.AsVector().data += (self.rate - added) * problem.flow.AsVector()

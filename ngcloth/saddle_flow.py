@@ -76,8 +76,7 @@ def _euler_step(problem, recorder, anchor, relaxed):
         c = problem.slacks()
         if not (problem.least_jacobian() > 0 and c.min() > 0):
             return np.inf
-        problem.freeze(c, problem.mu / c, problem.mu / c**2)
-        problem.gradient(residual)
+        problem.gradient(problem.mu / c, residual)
         for matrix, sign in inertia:
             pull.data = state - anchor
             residual.data += sign / TIME_STEP * (matrix * pull)
@@ -88,7 +87,8 @@ def _euler_step(problem, recorder, anchor, relaxed):
     for _ in range(NEWTON):
         if error <= RESIDUAL * first or recorder.exhausted:
             break
-        matrix = problem.hessian()
+        c = problem.slacks()
+        matrix = problem.hessian(problem.mu / c, problem.mu / c**2)
         for added, sign in inertia:
             matrix.AsVector().data += sign / TIME_STEP * added.AsVector()
         problem.solver(matrix)(residual, problem.direction.vec)

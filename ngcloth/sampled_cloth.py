@@ -1,11 +1,12 @@
 """The cloth at the sampling points, as numbers, with derivatives by the gradient of ψ."""
 
+from functools import cached_property
+
 import ngsolve as ngs
 import numpy as np
 
+from .discretisation import of_state
 from .kinematics import Kinematics
-from .lagrangian import of_state
-from .sampling import sampled
 
 
 class SampledCloth(Kinematics):
@@ -21,7 +22,7 @@ class SampledCloth(Kinematics):
         The current ψ1, ψ2, …
     psi : Sampling
         Of a component of ψ.
-    points : IntegrationRuleSpace
+    points : Points
     metric, fabric, curvature
         As for `Kinematics`, the tensors as fields of these points.
 
@@ -33,27 +34,31 @@ class SampledCloth(Kinematics):
 
     def __init__(self, state, psi, points, metric, fabric, curvature):
         self.state, self.points, self._psi = state, points, psi
-        self.variables, self._tensors = [ngs.GridFunction(points) for _ in range(4)], []
+        self.variables, self._tensors = [points.field() for _ in range(4)], []
         super().__init__(ngs.CF(tuple(self.variables), dims=(2, 2)), metric, fabric, curvature)
 
     def pushed(self, tensor):
         """As for `Kinematics`, but of tensors that do not depend on ψ."""
-        entries = sampled(tensor.Compile(), ngs.GridFunction(self.points**4))
-        self._tensors.append(entries.reshape(2, 2, -1))
-        self.variables += [ngs.GridFunction(self.points) for _ in range(3)]
+        self._tensors.append(self.points.sample(tensor.Compile()).reshape(2, 2, -1))
+        self.variables += [self.points.field() for _ in range(3)]
         return tuple(self.variables[-3:])
 
     @of_state
     def gradients(self):
         """G at the points, (2, 2, points)."""
-        coefficients = (psi.vec.FV().NumPy() for psi in self.state.components[:2])
-        return np.array([self._psi.at_points(row)[1:] for row in coefficients])
+        psi = self.state.vec.FV().NumPy()[: self.state.space.Range(1).stop]
+        return self._psi.at_points(psi.reshape(2, -1))[:, 1:]
 
     @of_state
     def jacobians(self):
         """J at the points, (points,)."""
         (g11, g12), (g21, g22) = self.gradients()
         return g11 * g22 - g12 * g21
+
+    def jacobian_slopes(self):
+        """Derivatives of J by G11, G12, G21, G22, (4, points)."""
+        (g11, g12), (g21, g22) = self.gradients()
+        return np.array([g22, -g21, -g12, g11])
 
     @of_state
     def inverses(self):
@@ -63,79 +68,180 @@ class SampledCloth(Kinematics):
 
     @of_state
     def pushed_tensors(self):
-        """C, and G⁻ᵀ b G⁻¹ if that is asked for, at the points: a list of (2, 2, points)."""
-        inverse = self.inverses()
-        halves = (np.einsum("ian,ijn->ajn", inverse, tensor) for tensor in self._tensors)
-        return [np.einsum("ajn,jbn->abn", half, inverse) for half in halves]
+        """C, and G⁻ᵀ b G⁻¹ if that is asked for: a list of `PushedTensor`."""
+        return [PushedTensor(self.inverses(), tensor) for tensor in self._tensors]
 
     @of_state
     def slopes(self):
-        """Derivatives of C11, C22, C12, … by G11, G12, G21, G22: (variables − 4, 4, points)."""
-        inverse, slopes = self.inverses(), []
-        for pushed in self.pushed_tensors():
-            # dT = −(Yᵀ T + T Y), where row i of Y = dG G⁻¹ is row j of G⁻¹ and the other is zero.
-            half = -np.einsum("jan,ibn->abijn", inverse, pushed)
-            slopes += [2 * half[0, 0], 2 * half[1, 1], half[0, 1] + half[1, 0]]
-        return np.array(slopes).reshape(len(slopes), 4, -1)
+        """Derivatives of each of `variables` by G11, G12, G21, G22, (4, points) or (4, 1)."""
+        pushed = (row for tensor in self.pushed_tensors() for row in tensor.slopes)
+        return [*np.eye(4)[:, :, None], *pushed]
+
+    def bend(self, weights):
+        """Second derivatives by G of the sum of `variables` times weights (variables, points)."""
+        tensors = self.pushed_tensors()
+        by_tensor = weights[4:].reshape(len(tensors), 3, -1)
+        return sum(tensor.bend(part) for tensor, part in zip(tensors, by_tensor, strict=True))
 
     @of_state
     def update(self):
         """Set `variables` to their values at the current state."""
-        values = list(self.gradients().reshape(4, -1))
-        for (t11, t12), (_, t22) in self.pushed_tensors():
-            values += [t11, t22, t12]
+        values = [*self.gradients().reshape(4, -1)]
+        values += [row for tensor in self.pushed_tensors() for row in tensor.entries]
         for field, row in zip(self.variables, values, strict=True):
             field.vec.FV().NumPy()[:] = row
 
 
+class PushedTensor:
+    """T = G⁻ᵀ t G⁻¹, a symmetric tensor t of the surface along the threads, at the points.
+
+    Parameters
+    ----------
+    inverse, tensor : ndarray, (2, 2, points)
+        G⁻¹ and t.
+
+    Attributes
+    ----------
+    entries : ndarray, (3, points)
+        T11, T22, T12.
+    """
+
+    def __init__(self, inverse, tensor):
+        self._inverse = inverse
+        half = np.einsum("ian,ijn->ajn", inverse, tensor)
+        self._whole = np.einsum("ajn,jbn->abn", half, inverse)
+        (t11, t12), (_, t22) = self._whole
+        self.entries = np.array([t11, t22, t12])
+
+    @cached_property
+    def slopes(self):
+        """Derivatives of `entries` by G11, G12, G21, G22, (3, 4, points)."""
+        # dT = −(Yᵀ T + T Y), where row i of Y = dG G⁻¹ is row j of G⁻¹ and the other is zero.
+        half = -np.einsum("jan,ibn->abijn", self._inverse, self._whole)
+        slopes = np.array([2 * half[0, 0], 2 * half[1, 1], half[0, 1] + half[1, 0]])
+        return slopes.reshape(3, 4, -1)
+
+    def bend(self, weights):
+        """Second derivatives by G of the sum of `entries` times `weights`, (4, 4, points).
+
+        With that sum as M : T, and Y and Z from two changes of G as in `slopes`, they are
+        2 M : (T Y Z + T Z Y + Yᵀ T Z), as Y itself changes by −Y Z.
+
+        Parameters
+        ----------
+        weights : ndarray, (3, points)
+            One for each entry.
+        """
+        w11, w22, w12 = weights
+        turned = np.einsum("lan,abn->lbn", self._inverse, [[w11, w12 / 2], [w12 / 2, w22]])
+        mixed = np.einsum("lbn,bin->lin", turned, self._whole)
+        mixed = np.einsum("jkn,lin->ijkln", self._inverse, mixed)
+        bend = np.einsum("ikn,lan,jan->ijkln", self._whole, turned, self._inverse)
+        bend += mixed
+        bend += mixed.transpose(2, 3, 0, 1, 4)
+        bend *= 2
+        return bend.reshape(4, 4, -1)
+
+
 class SampledExpressions:
-    """Expressions in what a `SampledCloth` offers, at the sampling points.
+    """Expressions in what a `SampledCloth` offers, at the sampling points, all evaluated at once.
 
     Parameters
     ----------
     cloth : SampledCloth
-    expressions : list of CoefficientFunction
+    **groups : list of CoefficientFunction
+        By the name under which to ask for them.
     """
 
-    def __init__(self, cloth, expressions):
-        self._cloth, self._number, self.state = cloth, len(expressions), cloth.state
-        self._values = _Stacked(expressions, cloth.points)
-        derivatives = {
-            (row, column): expression.Diff(variable)
-            for row, expression in enumerate(expressions)
-            for column, variable in enumerate(cloth.variables)
+    def __init__(self, cloth, **groups):
+        self._cloth, self.state = cloth, cloth.state
+        ends = np.cumsum([len(group) for group in groups.values()])
+        self._rows = {
+            name: slice(int(end) - len(group), int(end))
+            for (name, group), end in zip(groups.items(), ends, strict=True)
         }
-        # NGSolve simplifies what is zero, but only its name tells.
-        partial = {at: d for at, d in derivatives.items() if str(d) != "ZeroCoefficientFunction"}
-        self._places, self._partial = list(partial), _Stacked(partial.values(), cloth.points)
+        expressions = [expression for group in groups.values() for expression in group]
+        self._number = len(expressions)
+        self._values = _Stacked(expressions)
+        self._firsts = _partial_derivatives(enumerate(expressions), cloth.variables)
+        self._first_values = _Stacked(self._firsts.values())
+
+    def values(self, name):
+        """Their values, (expressions of this name, points)."""
+        return self._all_values()[self._rows[name]]
+
+    def slopes(self, name):
+        """Their derivatives by G11, G12, G21, G22, (expressions of this name, 4, points)."""
+        return self._all_slopes()[self._rows[name]]
+
+    def bend(self, **weights):
+        """Second derivatives by G of their sum times weights, (4, 4, points).
+
+        Parameters
+        ----------
+        **weights : ndarray, (expressions of this name, points)
+            For all groups.
+        """
+        weights = np.concatenate([weights[name] for name in self._rows])
+        slopes = self._cloth.slopes()
+        firsts = np.zeros((len(slopes), len(self._cloth.points)))
+        for (row, variable), partial in zip(self._firsts, self._partials(), strict=True):
+            firsts[variable] += weights[row] * partial
+        bend = self._cloth.bend(firsts)
+        places, seconds = self._seconds
+        for (row, one, other), second in zip(places, seconds.at(self._cloth.points), strict=True):
+            product = slopes[one][:, None] * (weights[row] * second * slopes[other])
+            bend += product if one == other else product + product.swapaxes(0, 1)
+        return bend
 
     @of_state
-    def values(self):
-        """Their values, (expressions, points)."""
+    def _all_values(self):
         self._cloth.update()
-        return self._values()
+        return self._values.at(self._cloth.points)
 
     @of_state
-    def slopes(self):
-        """Their derivatives by G11, G12, G21, G22, (expressions, 4, points)."""
-        self._cloth.update()
-        slopes = np.zeros((self._number, 4, self._cloth.points.ndof))
-        for (row, column), partial in zip(self._places, self._partial(), strict=True):
-            if column < 4:
-                slopes[row, column] += partial
-            else:
-                slopes[row] += partial * self._cloth.slopes()[column - 4]
+    def _all_slopes(self):
+        slopes = np.zeros((self._number, 4, len(self._cloth.points)))
+        for (row, variable), partial in zip(self._firsts, self._partials(), strict=True):
+            slopes[row] += partial * self._cloth.slopes()[variable]
         return slopes
+
+    @of_state
+    def _partials(self):
+        self._cloth.update()
+        return self._first_values.at(self._cloth.points)
+
+    @cached_property
+    def _seconds(self):
+        """Places (expression, variable, variable) of second derivatives, and their values."""
+        variables = self._cloth.variables
+        seconds = {
+            (*at, other): second
+            for (at, other), second in _partial_derivatives(self._firsts.items(), variables).items()
+            if other <= at[1]
+        }
+        return list(seconds), _Stacked(seconds.values())
+
+
+def _partial_derivatives(named, variables):
+    """Those of named expressions that do not vanish, by (name, number of the variable)."""
+    derivatives = {
+        (name, number): expression.Diff(variable)
+        for name, expression in named
+        for number, variable in enumerate(variables)
+    }
+    # NGSolve simplifies what is zero, but only its name tells.
+    return {at: d for at, d in derivatives.items() if str(d) != "ZeroCoefficientFunction"}
 
 
 class _Stacked:
     """Expressions to be sampled all at once."""
 
-    def __init__(self, expressions, points):
+    def __init__(self, expressions):
         self._expression = ngs.CF(tuple(expressions)).Compile() if expressions else None
-        self._field = ngs.GridFunction(points ** max(len(expressions), 1))
 
-    def __call__(self):
+    def at(self, points):
+        """Their values, (expressions, points)."""
         if self._expression is None:
-            return np.empty((0, self._field.vec.size))
-        return sampled(self._expression, self._field)
+            return np.empty((0, len(points)))
+        return points.sample(self._expression)

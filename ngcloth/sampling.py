@@ -1,60 +1,150 @@
-"""Shape functions at the sampling points, as arrays over the triangles."""
+"""The sampling points, shape functions there, and matrices assembled from them."""
+
+from functools import cached_property
 
 import ngsolve as ngs
 import numpy as np
+from ngsolve.comp import IntegrationRuleSpace
+
+
+class Points:
+    """The integration points of a mesh: where limits hold, and over which all integrals are sums.
+
+    Parameters
+    ----------
+    mesh : ngsolve.Mesh
+    degree : int
+        Of the integration rule.
+
+    Attributes
+    ----------
+    space : IntegrationRuleSpace
+        Of fields of numbers at these points.
+    dx : DifferentialSymbol
+        The integral by this rule.
+    """
+
+    def __init__(self, mesh, degree):
+        self._mesh, self._order = mesh, (degree + 1) // 2
+        self.space = IntegrationRuleSpace(mesh, order=self._order)
+        self.dx, self._samples = ngs.dx(intrules=self.space.GetIntegrationRules()), {}
+
+    def __len__(self):
+        return self.space.ndof
+
+    def sample(self, expression):
+        """Values of an expression, (components, points)."""
+        n = expression.dim
+        if n not in self._samples:  # all components in one pass, which a product of spaces is not
+            space = IntegrationRuleSpace(self._mesh, order=self._order, dim=n)
+            self._samples[n] = ngs.GridFunction(space)
+        self._samples[n].Interpolate(expression)
+        return np.ascontiguousarray(self._samples[n].vec.FV().NumPy().reshape(-1, n).T)
+
+    def field(self, values=0.0):
+        """A field of one number at each point."""
+        field = ngs.GridFunction(self.space)
+        field.vec.FV().NumPy()[:] = values
+        return field
+
+    @cached_property
+    def weights(self):
+        """The weights of the rule in the parameter plane, (points,)."""
+        form = ngs.LinearForm(self.space)
+        form += self.space.TestFunction() * self.dx
+        return form.Assemble().vec.FV().NumPy().copy()
 
 
 class Sampling:
-    """From a scalar function to its value and gradient at the sampling points, and transposed.
+    """From scalar functions to their values and gradients at the sampling points, and transposed.
 
     Parameters
     ----------
     space : H1
         Of one order, on triangles.
-    points : IntegrationRuleSpace
-    dx : DifferentialSymbol
-        With the rules of `points`.
+    points : Points
 
     Attributes
     ----------
-    shapes : ndarray, (3, triangles, points of a triangle, dofs of a triangle)
+    shapes : ndarray, (triangles, 3, points of a triangle, dofs of a triangle)
         Values and both derivatives of the shape functions.
     dofs : ndarray, (triangles, dofs of a triangle)
         Their numbers in `space`.
     """
 
-    def __init__(self, space, points, dx):
-        samples, triangles = points**3, space.mesh.ne
+    def __init__(self, space, points):
+        samples, triangles = points.space**3, space.mesh.ne
         trial, test = space.TrialFunction(), samples.TestFunction()
         form = ngs.BilinearForm(trialspace=space, testspace=samples)
-        form += ngs.CF((trial, ngs.grad(trial))) * test * dx
+        form += ngs.CF((trial, ngs.grad(trial))) * test * points.dx
         entries, columns, _ = (part.NumPy() for part in form.Assemble().mat.CSR())
-        weights = point_weights(points, dx).reshape(triangles, -1, 1)
+        weights = points.weights.reshape(triangles, -1, 1)
         at_one = weights.shape[1]
-        self.shapes = entries.reshape(3, triangles, at_one, -1) / weights
+        shapes = entries.reshape(3, triangles, at_one, -1) / weights
+        self.shapes = np.ascontiguousarray(shapes.transpose(1, 0, 2, 3))
         self.dofs = columns.reshape(3, triangles, at_one, -1)[0, :, 0].copy()
         self._ndof = space.ndof
 
-    def at_points(self, coefficients):
-        """Value and both derivatives, (3, points), of the function with these (dofs,)."""
-        samples = np.einsum("mtqn,tn->mtq", self.shapes, coefficients[self.dofs])
-        return samples.reshape(3, -1)
+    def at_points(self, functions):
+        """Value and both derivatives, (functions, 3, points), of functions (functions, dofs)."""
+        triangles, _, at_one, n = self.shapes.shape
+        coefficients = np.asarray(functions)[:, self.dofs].transpose(1, 2, 0)
+        samples = self.shapes.reshape(triangles, -1, n) @ coefficients
+        samples = samples.reshape(triangles, 3, at_one, -1).transpose(3, 1, 0, 2)
+        return samples.reshape(len(functions), 3, -1)
 
     def transposed(self, samples):
-        """`at_points` transposed: from (3, points), or (2, points) without values, to (dofs,)."""
-        shapes = self.shapes[-len(samples) :]
-        loads = np.einsum("mtqn,mtq->tn", shapes, samples.reshape(shapes.shape[:3]))
-        return np.bincount(self.dofs.ravel(), loads.ravel(), self._ndof)
+        """`at_points` transposed: from (functions, 3, points), or with 2 for derivatives alone."""
+        functions, parts, _ = samples.shape
+        triangles, _, at_one, n = self.shapes.shape
+        samples = samples.reshape(functions, parts, triangles, at_one).transpose(2, 1, 3, 0)
+        shapes = self.shapes[:, -parts:].reshape(triangles, -1, n).transpose(0, 2, 1)
+        loads = shapes @ samples.reshape(triangles, -1, functions)
+        numbers = self.dofs.ravel()
+        return np.array(
+            [np.bincount(numbers, load.ravel(), self._ndof) for load in np.moveaxis(loads, 2, 0)]
+        )
+
+    def blocks(self, tangent):
+        """Matrices of the triangles for a quadratic form in the gradients of two functions.
+
+        Parameters
+        ----------
+        tangent : ndarray, (4, 4, points)
+            The form at the points, symmetric, its weights included; the derivatives of the first
+            function come before those of the second.
+
+        Returns
+        -------
+        ndarray, (triangles, 2 dofs of a triangle, 2 dofs of a triangle)
+        """
+        slopes = self.shapes[:, 1:]
+        triangles, _, at_one, n = slopes.shape
+        tangent = tangent.reshape(2, 2, 2, 2, triangles, at_one)
+        left = slopes.reshape(triangles, -1, n).transpose(0, 2, 1)
+        blocks = np.empty((triangles, 2, n, 2, n))
+        for i, k in ((0, 0), (0, 1), (1, 1)):
+            scaled = np.einsum("jltq,tlqb->tjqb", tangent[i, :, k], slopes)
+            blocks[:, i, :, k] = left @ scaled.reshape(triangles, -1, n)
+        blocks[:, 1, :, 0] = blocks[:, 0, :, 1].transpose(0, 2, 1)
+        return blocks.reshape(triangles, 2 * n, 2 * n)
 
 
-def point_weights(points, dx, density=1.0):
-    """The weights, (points,), with which sums over the points are integrals of `density`."""
-    form = ngs.LinearForm(points)
-    form += density * points.TestFunction() * dx
-    return form.Assemble().vec.FV().NumPy().copy()
+def places(matrix, rows, columns):
+    """Where the entries of matrices of the triangles are among those of a sparse matrix.
 
+    Parameters
+    ----------
+    matrix : SparseMatrix
+        With these entries among others.
+    rows, columns : ndarray, (triangles, n)
+        The numbers of the rows and columns of each.
 
-def sampled(expression, field):
-    """Values of an expression, (components, points); `field` is a GridFunction of these points."""
-    field.Interpolate(expression)
-    return field.vec.FV().NumPy().reshape(expression.dim, -1).copy()
+    Returns
+    -------
+    ndarray, (triangles * rows * columns,)
+    """
+    _, known, starts = (np.array(part, dtype=np.int64) for part in matrix.CSR())
+    numbers = np.repeat(np.arange(matrix.height), np.diff(starts)) * matrix.width + known
+    sought = rows[:, :, None].astype(np.int64) * matrix.width + columns[:, None, :]
+    return np.searchsorted(numbers, sought.ravel())

@@ -39,9 +39,9 @@ def vector(problem):
     return problem.state.vec.FV().NumPy()
 
 
-def derivative(problem):
+def derivative(problem, z):
     out = problem.state.vec.CreateVector()
-    problem.gradient(out)
+    problem.gradient(z, out)
     return out.FV().NumPy().copy()
 
 
@@ -97,14 +97,8 @@ def barrier_value(problem):
     return problem.cost() + problem.work() - problem.mu * barrier
 
 
-def freeze(problem, z):
-    c = problem.slacks()
-    problem.freeze(c, z, z / c)
-
-
 def barrier_slope(problem):
-    freeze(problem, problem.mu / problem.slacks())
-    return derivative(problem)
+    return derivative(problem, problem.mu / problem.slacks())
 
 
 def remainders(problem, direction, curved):
@@ -131,17 +125,16 @@ def test_taylor(displaced):
     """ψ, η and barrier: gradient of the value, and the primal-dual matrix at z = μ/c, which is
     the Hessian there and nowhere else."""
     problem, direction = displaced
-    z = problem.mu / problem.slacks()
-    freeze(problem, z)
-    curved = times(problem.hessian(), direction)
+    c = problem.slacks()
+    z = problem.mu / c
+    curved = times(problem.hessian(z, z / c), direction)
     first, second, gradients = remainders(problem, direction, curved)
     assert rates(first) == pytest.approx(2, abs=0.2)
     assert rates(second)[1:] == pytest.approx(3, abs=0.3)
     assert rates(gradients)[1:] == pytest.approx(2, abs=0.2)
     assert second[-1] < 0.1 * first[-1]
 
-    freeze(problem, 3 * z)
-    curved = times(problem.hessian(), direction)
+    curved = times(problem.hessian(3 * z, 3 * z / c), direction)
     _, second, gradients = remainders(problem, direction, curved)
     assert rates(second)[-1] < 2.3 and rates(gradients)[-1] < 1.3
 
@@ -149,8 +142,8 @@ def test_taylor(displaced):
 def test_linear_solver_with_and_without_pivoting(displaced):
     """LDLᵀ of the softened matrix, refined, and LU of the matrix itself."""
     problem, direction = displaced
-    freeze(problem, problem.mu / problem.slacks())
-    matrix = problem.hessian()
+    c = problem.slacks()
+    matrix = problem.hessian(problem.mu / c, problem.mu / c**2)
     matrix.AsVector().data += problem.flow.AsVector()
     load, found = (problem.state.vec.CreateVector() for _ in range(2))
     load.FV().NumPy()[:] = times(matrix, direction)

@@ -62,7 +62,7 @@ def test_program_is_the_problem_of_ngcloth(interpreted, name, orders):
     assert float(f) == pytest.approx(problem.cost(), rel=1e-12)
 
     gradient = problem.state.vec.CreateVector()
-    problem.gradient(gradient)
+    problem.gradient(np.zeros_like(problem.slacks()), gradient)
     free = np.flatnonzero(list(problem.free))
     imbalance = gradient.FV().NumPy()[free[free >= problem.psi_dofs.stop]]
     equations = program.upper == 0

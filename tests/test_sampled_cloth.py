@@ -1,6 +1,7 @@
 """Numbers at the sampling points against NGSolve's expressions down to ψ."""
 
 import ngsolve as ngs
+import numpy as np
 import pytest
 from test_constrained import TAYLOR, discretised
 
@@ -38,24 +39,39 @@ def cloths(request):
 def test_values_and_slopes(cloths, felt):
     """What a limit may use, and its derivatives by ∇ψ, are those of NGSolve's expressions."""
     here, cloth = cloths
-    sampled = SampledExpressions(here, FELT[felt](here))
-    values, slopes = sampled.values(), sampled.slopes()
-    n = here.points.ndof
+    sampled = SampledExpressions(here, before=[here.stretch2], felt=FELT[felt](here))
+    values, slopes = sampled.values("felt"), sampled.slopes("felt")
+    n = len(here.points)
     assert values.shape == (len(FELT[felt](cloth)), n) and slopes.shape == (len(values), 4, n)
-    one, four = ngs.GridFunction(here.points), ngs.GridFunction(here.points**4)
     for row, expression in enumerate(FELT[felt](cloth)):
-        one.Interpolate(expression)
-        assert values[row] == pytest.approx(one.vec.FV().NumPy(), rel=1e-10, abs=1e-12)
-        four.Interpolate(expression.Diff(cloth.gradient))
-        expected = four.vec.FV().NumPy().reshape(4, n)
+        (expected,) = here.points.sample(expression)
+        assert values[row] == pytest.approx(expected, rel=1e-10, abs=1e-12)
+        expected = here.points.sample(expression.Diff(cloth.gradient))
         assert slopes[row] == pytest.approx(expected, abs=1e-10 * max(abs(expected).max(), 1))
 
 
 def test_follows_the_state(cloths):
     """Values are those of the present ψ: a patch twice as large halves both stretches."""
     here, _ = cloths
-    stretches = SampledExpressions(here, [here.stretch1, here.stretch2])
-    before, slopes = stretches.values(), stretches.slopes()
+    stretches = SampledExpressions(here, both=[here.stretch1, here.stretch2])
+    before, slopes = stretches.values("both"), stretches.slopes("both")
     here.state.vec.data *= 2.0
-    assert stretches.values() == pytest.approx(before / 2, rel=1e-12)
-    assert stretches.slopes() == pytest.approx(slopes / 4, rel=1e-12, abs=1e-12)
+    assert stretches.values("both") == pytest.approx(before / 2, rel=1e-12)
+    assert stretches.slopes("both") == pytest.approx(slopes / 4, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("felt", FELT)
+def test_second_derivatives(cloths, felt):
+    """Weighted second derivatives by ∇ψ are those of NGSolve's expressions."""
+    here, cloth = cloths
+    expressions = FELT[felt](cloth)
+    n, draw = len(here.points), np.random.default_rng(2)
+    weights = draw.normal(size=(len(expressions), n))
+    sampled = SampledExpressions(here, felt=FELT[felt](here))
+    bend, expected = sampled.bend(felt=weights), np.zeros((4, 4, n))
+    for weight, expression in zip(weights, expressions, strict=True):
+        slope = expression.Diff(cloth.gradient)
+        for i, j in np.ndindex(2, 2):
+            second = here.points.sample(slope[i, j].Diff(cloth.gradient))
+            expected[2 * i + j] += weight * second
+    assert bend == pytest.approx(expected, abs=1e-9 * max(abs(expected).max(), 1))

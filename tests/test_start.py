@@ -85,10 +85,11 @@ def test_relaxed_steps_leave_equilibrium_alone():
     problem = discretised(FAR, 0.25)
     problem.relaxed = True
     assert problem.imbalance() == 0
-    problem.gradient(problem.direction.vec)
+    none = np.zeros_like(problem.slacks())
+    problem.gradient(none, problem.direction.vec)
     force, step = problem.direction.vec.CreateVector(), problem.direction.vec.CreateVector()
     force.data = problem.direction.vec
-    matrix = problem.hessian()
+    matrix = problem.hessian(none, none)
     matrix.AsVector().data += 100 * problem.flow.AsVector()
     problem.solver(matrix)(force, step)
     assert np.abs(step.FV().NumPy()[problem.psi_dofs.stop :]).max() == 0

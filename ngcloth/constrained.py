@@ -8,7 +8,7 @@ from netgen.meshing import NgException
 
 from .discretisation import Discretisation, of_state
 from .kinematics import Kinematics, gradient, virtual_strain
-from .sampled_cloth import SampledCloth, SampledExpressions
+from .sampled_cloth import SampledCloth, SampledExpressions, symmetric_products
 from .sampling import Sampling, places
 from .virtual_work import VirtualWork
 
@@ -67,13 +67,36 @@ class ConstrainedLagrangian(Discretisation):
         self.psi_dofs = slice(0, self.fes.Range(1).stop)
         # η are parameters; their metric makes lengths on the surface of them, and norms of these
         # that depend neither on the chart nor on the unit of length.
-        norm = self._h1_matrix({0: ngs.Id(2), 2: self._metric})
-        self._riesz = norm.Inverse(self.free, inverse="sparsecholesky")
-        self.relaxed = False
         self.eta_flow = self._h1_matrix({2: self._metric})
+        self._psi_riesz, self._eta_riesz = self._riesz_maps()
+        self.relaxed = False
         self._matrix = self.flow.CreateMatrix()
         self._places = self._places_of_blocks()
         self._force, self._rest = (self.state.vec.CreateVector() for _ in range(2))
+
+    def symbolic_energy(self, c, z, stiffness):
+        """The Lagrangian as one `SymbolicEnergy` of ψ and η, with what `hessian` freezes.
+
+        Parameters
+        ----------
+        c, z, stiffness : ndarray, (slacks, points)
+            The slacks at the current state, their multipliers, and the weights of ∇c ∇cᵀ.
+
+        Returns
+        -------
+        BilinearForm
+        """
+        trial = self.fes.TrialFunction()
+        tensors = self._metric, self.scene.fabric, lambda: self._curvature
+        cloth = Kinematics(gradient(*trial[:2]), *tensors)
+        strain = self._strain(ngs.CF(tuple(trial[2:])), gradient(*trial[2:]))
+        density = self._density(cloth) + cloth.power(strain) / self.scene.fabric.stiffness
+        density *= cloth.jacobian
+        for slack, *arrays in zip(self._slacks(cloth), c, z, stiffness, strict=True):
+            value, multiplier, weight = map(self.points.field, arrays)
+            limit = -multiplier * slack + weight / 2 * (slack - value) ** 2
+            density += self._surface_area * limit
+        return self._symbolic_energy(density)
 
     # What the loop asks -------------------------------------------------------------------
 
@@ -107,9 +130,8 @@ class ConstrainedLagrangian(Discretisation):
         This is a step to the flattening as rigid as possible of Liu et al. (2008): the mean of
         |∇ψ √a⁻¹ − R|² over the surface falls with each.
         """
-        load, inverse = self._rigid
-        self._rest.data = load.Assemble().vec - self.flow * self.state.vec
-        self.state.vec.data += inverse * self._rest
+        self._rest.data = self._rigid.Assemble().vec - self.flow * self.state.vec
+        self.state.vec.data += self._psi_riesz * self._rest
 
     def take(self, coarse):
         """Interpolate ψ and η from the state of a coarser mesh. Returns whether J > 0."""
@@ -183,12 +205,16 @@ class ConstrainedLagrangian(Discretisation):
     def _imbalance(self):
         self._force[:] = 0
         self._force.FV().NumPy()[self.psi_dofs.stop :] = self._work.eta_force()
-        return self.dual_norm(self._force)
+        return _dual_norm(self._force, self._eta_riesz)
+
+    def stationarity(self, z):
+        """Dual norm of the derivative by ψ of the Lagrangian with these multipliers z."""
+        self.gradient(z, self._force)
+        return _dual_norm(self._force, self._psi_riesz)
 
     def dual_norm(self, force):
         """The norm of a derivative, dual to the H¹ seminorm on the surface."""
-        square = ngs.InnerProduct(force, (self._riesz * force).Evaluate())
-        return np.sqrt(max(square, 0.0))
+        return np.hypot(*(_dual_norm(force, riesz) for riesz in (self._psi_riesz, self._eta_riesz)))
 
     def solver(self, matrix):
         """Return a function (load, out) that writes the x with matrix x = load to `out`.
@@ -224,7 +250,7 @@ class ConstrainedLagrangian(Discretisation):
 
     @cached_property
     def _rigid(self):
-        """∫ R √a a⁻¹ : ∇v dA at the current ψ, and the inverse of `flow` on ψ."""
+        """∫ R √a a⁻¹ : ∇v dA at the current ψ, a linear form."""
         metric, area = self._metric, ngs.sqrt(ngs.Det(self._metric))
         root = (metric + area * ngs.Id(2)) / ngs.sqrt(ngs.Trace(metric) + 2 * area)
         strain = gradient(*self._psi) * ngs.Inv(root)
@@ -233,15 +259,20 @@ class ConstrainedLagrangian(Discretisation):
         target = (rotation * root * ngs.Cof(metric) / area).Compile()
         load = ngs.LinearForm(self.fes)
         load += ngs.InnerProduct(target, gradient(*self.fes.TestFunction()[:2])) * self.points.dx
-        moving = ngs.BitArray(self.free)
-        moving[self.psi_dofs.stop :] = False
-        return load, self.flow.Inverse(moving, inverse="sparsecholesky")
+        return load
+
+    def _riesz_maps(self):
+        """The inverses of `flow` on ψ and of `eta_flow` on η."""
+        psi, eta = ngs.BitArray(self.free), ngs.BitArray(self.free)
+        psi[self.psi_dofs.stop :] = eta[self.psi_dofs] = False
+        pairs = (self.flow, psi), (self.eta_flow, eta)
+        return [matrix.Inverse(free, inverse="sparsecholesky") for matrix, free in pairs]
 
     def _refine(self, matrix, load, out):
-        """Iterate out ← out + softened⁻¹ (load − matrix out) to 1e-10; whether that succeeded."""
+        """Iterate out ← out + softened⁻¹ (load − matrix out) to 1e-8; whether that succeeded."""
         out[:] = 0
         self._rest.data = self._inside * load
-        goal = 1e-10 * self._rest.Norm()
+        goal = 1e-8 * self._rest.Norm()
         for _ in range(8):
             out.data += self._softened * self._rest
             self._rest.data = load - matrix * out
@@ -250,30 +281,6 @@ class ConstrainedLagrangian(Discretisation):
             if size <= goal or not np.isfinite(size):
                 break
         return size <= goal
-
-    def symbolic_energy(self, c, z, stiffness):
-        """The Lagrangian as one `SymbolicEnergy` of ψ and η, with what `hessian` freezes.
-
-        Parameters
-        ----------
-        c, z, stiffness : ndarray, (slacks, points)
-            The slacks at the current state, their multipliers, and the weights of ∇c ∇cᵀ.
-
-        Returns
-        -------
-        BilinearForm
-        """
-        trial = self.fes.TrialFunction()
-        tensors = self._metric, self.scene.fabric, lambda: self._curvature
-        cloth = Kinematics(gradient(*trial[:2]), *tensors)
-        strain = self._strain(ngs.CF(tuple(trial[2:])), gradient(*trial[2:]))
-        density = self._density(cloth) + cloth.power(strain) / self.scene.fabric.stiffness
-        density *= cloth.jacobian
-        for slack, *arrays in zip(self._slacks(cloth), c, z, stiffness, strict=True):
-            value, multiplier, weight = map(self.points.field, arrays)
-            limit = -multiplier * slack + weight / 2 * (slack - value) ** 2
-            density += self._surface_area * limit
-        return self._symbolic_energy(density)
 
     @of_state
     def _pull(self):
@@ -290,20 +297,27 @@ class ConstrainedLagrangian(Discretisation):
 
     def _tangent(self, z, stiffness):
         """Second derivatives of the Lagrangian's density by ∇ψ, weighted, (4, 4, points)."""
-        here, (density, slopes) = self._here, self._flat_density()
-        jacobian = self._flat_weights * here.jacobians()
-        stress = jacobian * self._work.sliding().entries
-        tangent = self._law.bend(density=jacobian[None], stress=stress, slacks=-z * self.weights)
-        tangent += jacobian * self._work.bend()
-        product = slopes[:, None] * (self._flat_weights * here.jacobian_slopes())
-        tangent += product + product.swapaxes(0, 1)
-        turned = self._flat_weights * density  # d²J, of J = G11 G22 − G12 G21
+        here, law, work = self._here, self._law, self._work
+        jacobian, turning = (
+            self._flat_weights * j for j in (here.jacobians(), here.jacobian_slopes())
+        )
+        density, slopes = self._flat_density()
+        sliding, slack_slopes = work.sliding(), law.slopes("slacks")
+        tangent = law.bend(
+            density=jacobian[None], stress=jacobian * sliding.entries, slacks=-z * self.weights
+        )
+        tangent += sliding.bend(jacobian * law.values("stress"))
+        tangent += symmetric_products(
+            [
+                slopes,
+                *(jacobian * law.slopes("stress")),
+                *(self.weights / 2 * stiffness)[:, None] * slack_slopes,
+            ],
+            [turning, *sliding.slopes, *slack_slopes],
+        )
+        bent = self._flat_weights * density  # d²J, of J = G11 G22 − G12 G21
         for i, j, sign in ((0, 3, 1), (3, 0, 1), (1, 2, -1), (2, 1, -1)):
-            tangent[i, j] += sign * turned
-        if self.slack_names:
-            slopes = self._law.slopes("slacks")
-            pressed = (stiffness * self.weights)[:, None] * slopes
-            tangent += np.einsum("sip,sjp->ijp", pressed, slopes)
+            tangent[i, j] += sign * bent
         return tangent
 
     def _loads(self, pull):
@@ -320,7 +334,8 @@ class ConstrainedLagrangian(Discretisation):
 
     @cached_property
     def _surface_area(self):
-        return self._frozen(ngs.sqrt(ngs.Det(self.scene.surface.metric)))
+        (area,) = self._frozen(ngs.sqrt(ngs.Det(self._metric)))
+        return area
 
     @cached_property
     def _metric_derivatives(self):
@@ -341,3 +356,8 @@ class ConstrainedLagrangian(Discretisation):
 
     def _slacks(self, cloth):
         return [slack for limit in self.scene.constraints for slack in limit.slacks(cloth)]
+
+
+def _dual_norm(force, riesz):
+    square = ngs.InnerProduct(force, (riesz * force).Evaluate())
+    return np.sqrt(max(square, 0.0))

@@ -189,10 +189,13 @@ class SampledExpressions:
             firsts[variable] += weights[row] * partial
         bend = self._cloth.bend(firsts)
         places, seconds = self._seconds
-        for (row, one, other), second in zip(places, seconds.at(self._cloth.points), strict=True):
-            product = slopes[one][:, None] * (weights[row] * second * slopes[other])
-            bend += product if one == other else product + product.swapaxes(0, 1)
-        return bend
+        factors = [
+            (weights[row] * second * (0.5 if one == other else 1) * slopes[one], slopes[other])
+            for (row, one, other), second in zip(
+                places, seconds.at(self._cloth.points), strict=True
+            )
+        ]
+        return bend + symmetric_products(*zip(*factors, strict=True)) if factors else bend
 
     @of_state
     def _all_values(self):
@@ -221,6 +224,12 @@ class SampledExpressions:
             if other <= at[1]
         }
         return list(seconds), _Stacked(seconds.values())
+
+
+def symmetric_products(left, right):
+    """The sum of l rᵀ + r lᵀ over pairs of l and r, each (4, points): (4, 4, points)."""
+    half = np.einsum("kin,kjn->ijn", left, np.broadcast_arrays(*right))
+    return half + half.swapaxes(0, 1)
 
 
 def _partial_derivatives(named, variables):

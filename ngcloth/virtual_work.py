@@ -96,15 +96,6 @@ class VirtualWork:
         slopes = np.einsum("kin,kn->in", self._law.slopes("stress"), sliding.entries)
         return slopes + np.einsum("kin,kn->in", sliding.slopes, self._law.values("stress"))
 
-    def bend(self):
-        """Second derivatives of `density` by the components of ∇ψ, (4, 4, points).
-
-        Those of `law` are left out: they are its own, times the entries of `sliding`.
-        """
-        sliding = self.sliding()
-        product = np.einsum("kin,kjn->ijn", self._law.slopes("stress"), sliding.slopes)
-        return sliding.bend(self._law.values("stress")) + product + product.swapaxes(0, 1)
-
     @of_state
     def sliding(self):
         """G⁻ᵀ (L_η a) G⁻¹, how η strains the cloth along its threads, a `PushedTensor`."""
@@ -123,12 +114,12 @@ class VirtualWork:
 
 def _unit_strains(virtual_strain, points):
     """L_η a of a unit value or derivative of a component of η, (3, 2, 3, points)."""
-    strains = np.empty((3, 2, 3, len(points)))
+    strains = []
     for j, m in np.ndindex(2, 3):
         unit = np.zeros((2, 3))
         unit[j, m] = 1
         eta, gradient = ngs.CF(tuple(unit[:, 0])), ngs.CF(tuple(unit[:, 1:].ravel()), dims=(2, 2))
         strain = virtual_strain(eta, gradient)
-        strain = ngs.CF((strain[0, 0], 2 * strain[0, 1], strain[1, 1])).Compile()
-        strains[:, j, m] = points.sample(strain)
-    return strains
+        strains += [strain[0, 0], 2 * strain[0, 1], strain[1, 1]]
+    strains = points.sample(ngs.CF(tuple(strains)).Compile()).reshape(2, 3, 3, -1)
+    return np.ascontiguousarray(strains.transpose(2, 0, 1, 3))

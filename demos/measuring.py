@@ -2,7 +2,8 @@
 
 A process of its own makes peak memory that of the solve (and of the imports), and keeps one solve's
 libraries, caches and fragmentation from the next one's time. Also here: wall-clock seconds with
-threads, the first solve of a process, and which part of a solve takes how long.
+threads, the first solve of a process, which part of a solve takes how long, and the Newton matrix
+in two ways.
 """
 
 import cProfile
@@ -24,6 +25,9 @@ import obstacle
 import ngcloth
 from ngcloth import scenes
 from ngcloth.chebyshev import ChebyshevNet
+from ngcloth.constrained import ConstrainedLagrangian
+from ngcloth.solve import make_mesh
+from ngcloth.start import feasible_start
 
 SCENES = {"hemisphere, Chebyshev": lambda: scenes.hemisphere()}
 SCENES |= {f"hemisphere, ks = {ks}": lambda ks=ks: scenes.hemisphere(ks) for ks in (1, 10, 100)}
@@ -75,9 +79,9 @@ def solve(name, curve, **settings):
     runs = []
     while repeat(runs):
         cpu, wall = time.process_time(), time.perf_counter()
-        result, seconds = run(scene, settings)
+        result, seconds, setup = run(scene, settings)
         cpu = time.process_time() - cpu if seconds is None else seconds
-        runs.append((cpu, time.perf_counter() - wall))
+        runs.append((cpu, time.perf_counter() - wall, setup))
     peak = peak_megabytes()
     row = {
         "scene": name,
@@ -92,6 +96,7 @@ def solve(name, curve, **settings):
         "last_mesh_steps": result.last_mesh_iterations,
         "cpu_seconds": min(runs)[0],
         "wall_seconds": min(runs)[1],
+        "setup_seconds": min(runs)[2],
         "peak_megabytes": peak,
         "import_megabytes": imports,
         "reason": result.reason.name,
@@ -171,20 +176,52 @@ def profile(name, maxh):
     return {**parts, "rest": total - sum(parts.values())}, total, result.newton_iterations
 
 
+def matrix_seconds(name, maxh):
+    """CPU seconds of the Newton matrix: by `SymbolicEnergy`, and assembled from the points."""
+    ngs.SetNumThreads(1)
+    scene = SCENES[name]()
+    mesh = make_mesh(scene, maxh, order=2)
+    problem = ConstrainedLagrangian(scene, mesh, 2, 6, "sparsecholesky", 2)
+    feasible_start(problem)
+    c = problem.slacks()
+    energy = problem.symbolic_energy(c, 1 / c, 1 / c**2)
+    ways = (
+        lambda: energy.AssembleLinearization(problem.state.vec),
+        lambda: problem.hessian(1 / c, 1 / c**2),
+    )
+    return [least_seconds(way, lambda: scaled(problem)) for way in ways]
+
+
+def least_seconds(run, before, times=5):
+    """The least CPU seconds that `run` takes after `before`, which is not counted."""
+    seconds = []
+    for _ in range(times):
+        before()
+        begin = time.process_time()
+        run()
+        seconds.append(time.process_time() - begin)
+    return min(seconds)
+
+
+def scaled(problem):
+    """Move the state a little, so that nothing of its values is remembered."""
+    problem.state.vec.data *= 1 - 1e-9
+
+
 def own(scene, settings):
-    """Result; its seconds are those of the whole call. `cpu_budget` is in seconds."""
+    """Result, None for seconds of the whole call, none of set-up apart; `cpu_budget` in seconds."""
     settings = dict(settings)
     end = time.process_time() + settings.pop("cpu_budget", np.inf)
     watch = (lambda _: time.process_time() > end) if end < np.inf else None
-    return ngcloth.solve(scene, callback=watch, **settings), None
+    return ngcloth.solve(scene, callback=watch, **settings), None, 0.0
 
 
 def peer(scene, settings):
-    """Result, and CPU seconds of IPOPT alone: without mesh, set-up and compilation of kernels."""
+    """Result, CPU seconds of IPOPT alone, wall-clock seconds of mesh, set-up and compilation."""
     from ipopt_peer import solve_with_ipopt
 
-    result = solve_with_ipopt(scene, **settings).result
-    return result, result.seconds
+    outcome = solve_with_ipopt(scene, **settings)
+    return outcome.result, outcome.result.seconds, outcome.setup
 
 
 def probe_points(scene):

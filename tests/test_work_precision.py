@@ -89,6 +89,13 @@ def test_profile():
     assert parts["matrix"] + parts["factorisation, solution"] > 0.2 * total
 
 
+def test_newton_matrix():
+    """Both ways are timed on the same matrix."""
+    (line,) = demo.newton_matrix({"hemisphere, ks = 1": 0.4})
+    milliseconds = [float(line[f"ms, {way}"]) for way in ("SymbolicEnergy", "from the points")]
+    assert min(milliseconds) > 0 and float(line["ratio"]) > 0
+
+
 def test_threads_and_cold_start():
     seconds, steps = measuring.with_threads("hemisphere, ks = 1", 1, maxh=0.4)
     assert 0 < seconds < 60 and 5 < steps < 50

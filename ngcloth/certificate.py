@@ -1,7 +1,8 @@
 """A certificate for a result: what its ψ is worth, recomputed from ψ alone.
 
-The formulas are those of the solver; forms, rules and spaces are not. Derivatives are symbolic
-where the solver differentiates automatically, and no multiplier of the solver is used.
+The formulas are those of the solver; forms, rules and spaces are not. NGSolve differentiates whole
+expressions down to ∇ψ, where the solver puts closed forms together, or has it done automatically;
+and no multiplier of the solver is used.
 """
 
 from dataclasses import dataclass

@@ -1,18 +1,16 @@
 """The Lagrangian of a scene with limits: equilibrium and barriers, with their multipliers."""
 
-from functools import cache, cached_property
+from functools import cached_property
 
 import ngsolve as ngs
 import numpy as np
-from netgen.meshing import NgException
 
 from .discretisation import Discretisation, of_state
 from .kinematics import Kinematics, gradient, virtual_strain
+from .saddle_system import SaddleSystem
 from .sampled_cloth import SampledCloth, SampledExpressions, symmetric_products
 from .sampling import Sampling, places
 from .virtual_work import VirtualWork
-
-SOFTENING = 1e-8  # of the block of η for a factorisation without pivoting
 
 
 class ConstrainedLagrangian(Discretisation):
@@ -107,10 +105,10 @@ class ConstrainedLagrangian(Discretisation):
 
     @relaxed.setter
     def relaxed(self, relaxed):
-        self._relaxed, self._moving = relaxed, ngs.BitArray(self.free)
+        self._relaxed, moving = relaxed, ngs.BitArray(self.free)
         if relaxed:
-            self._moving[self.psi_dofs.stop :] = False
-        self._inside, self._softened = ngs.Projector(self._moving, True), None
+            moving[self.psi_dofs.stop :] = False
+        self._system = SaddleSystem(moving, self.eta_flow, self.inverse)
 
     def slacks(self):
         """Values c of all slacks at the sampling points, (slacks, points)."""
@@ -217,34 +215,8 @@ class ConstrainedLagrangian(Discretisation):
         return np.hypot(*(_dual_norm(force, riesz) for riesz in (self._psi_riesz, self._eta_riesz)))
 
     def solver(self, matrix):
-        """Return a function (load, out) that writes the x with matrix x = load to `out`.
-
-        LDLᵀ without pivoting needs a matrix without zeros on the diagonal (Vanderbei, 1995); it
-        gets one with a small negative block for η, whose effect iterative refinement undoes. It
-        takes a tenth of the time of LU with pivoting, which stands by for the rare failure; where
-        that fails as well, x is not a number.
-        """
-        if self.inverse == "sparsecholesky":
-            matrix.AsVector().data -= SOFTENING * self.eta_flow.AsVector()
-            if self._softened is None:
-                self._softened = matrix.Inverse(self._moving, inverse="sparsecholesky")
-            else:  # the same matrix with other entries: its ordering is known
-                self._softened.Update()
-            matrix.AsVector().data += SOFTENING * self.eta_flow.AsVector()
-
-        @cache
-        def pivoted():
-            return matrix.Inverse(self._moving, inverse="umfpack")
-
-        def solve(load, out):
-            if self._softened is not None and self._refine(matrix, load, out):
-                return
-            try:
-                out.data = pivoted() * load
-            except NgException:  # singular, or not finite
-                out[:] = np.nan
-
-        return solve
+        """Return a function (load, out) that writes the x with matrix x = load to `out`."""
+        return self._system.solver(matrix)
 
     # How it is put together ---------------------------------------------------------------
 
@@ -267,20 +239,6 @@ class ConstrainedLagrangian(Discretisation):
         psi[self.psi_dofs.stop :] = eta[self.psi_dofs] = False
         pairs = (self.flow, psi), (self.eta_flow, eta)
         return [matrix.Inverse(free, inverse="sparsecholesky") for matrix, free in pairs]
-
-    def _refine(self, matrix, load, out):
-        """Iterate out ← out + softened⁻¹ (load − matrix out) to 1e-8; whether that succeeded."""
-        out[:] = 0
-        self._rest.data = self._inside * load
-        goal = 1e-8 * self._rest.Norm()
-        for _ in range(8):
-            out.data += self._softened * self._rest
-            self._rest.data = load - matrix * out
-            self._rest.data = self._inside * self._rest
-            size = self._rest.Norm()
-            if size <= goal or not np.isfinite(size):
-                break
-        return size <= goal
 
     @of_state
     def _pull(self):

@@ -23,6 +23,7 @@ from ngcloth.constrained import ConstrainedLagrangian
 from ngcloth.history import Reason, Recorder
 from ngcloth.interior_point import Iterate
 from ngcloth.kinematics import Kinematics, virtual_strain
+from ngcloth.saddle_system import SaddleSystem
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
 from ngcloth.solve import make_mesh
 from ngcloth.start import feasible_start
@@ -147,9 +148,16 @@ def test_linear_solver_with_and_without_pivoting(displaced):
     matrix.AsVector().data += problem.flow.AsVector()
     load, found = (problem.state.vec.CreateVector() for _ in range(2))
     load.FV().NumPy()[:] = times(matrix, direction)
-    for problem.inverse in ("sparsecholesky", "umfpack"):
-        problem.solver(matrix)(load, found)
+    for inverse in ("sparsecholesky", "umfpack"):
+        system = SaddleSystem(problem.free, problem.eta_flow, inverse)
+        system.solver(matrix)(load, found)
         assert found.FV().NumPy() == pytest.approx(direction, abs=1e-7 * np.abs(direction).max())
+        # The same system again, with other entries: half the solution of twice the matrix.
+        matrix.AsVector().data *= 2.0
+        system.solver(matrix)(load, found)
+        matrix.AsVector().data *= 0.5
+        half = direction / 2
+        assert found.FV().NumPy() == pytest.approx(half, abs=1e-7 * np.abs(direction).max())
 
 
 def test_slack_changes(displaced):

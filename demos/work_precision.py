@@ -196,7 +196,8 @@ def run(meshes, exact=True, report=None):
         reference = None
         for curve, settings in jobs(scene, sizes):
             found = add(scene, curve, settings, reference)
-            reference = found if curve == REFERENCE else reference
+            if curve == REFERENCE and found[0]["reason"] == "CONVERGED":
+                reference = found
     return rows
 
 

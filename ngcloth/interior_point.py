@@ -72,7 +72,7 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
             iterate.relax(False)
             continue
         if iterate.mu > last_mu and error <= 10 * iterate.mu:
-            iterate.set_mu(max(min(0.2 * iterate.mu, iterate.mu**1.5), last_mu))
+            iterate.lower_mu(last_mu)
             continue
         if iterate.mu <= last_mu and error <= iterate.mu and iterate.c.min(initial=1) > 0:
             return Reason.CONVERGED
@@ -125,6 +125,11 @@ class Iterate:
         """Set the barrier's weight, and empty the filter: the objective has changed."""
         self.mu = self.problem.mu = mu
         self._filter = []
+
+    def lower_mu(self, last_mu):
+        """Weaken the barrier; the weight so far is the largest to which it may be raised again."""
+        self.largest_mu = self.mu
+        self.set_mu(max(min(0.2 * self.mu, self.mu**1.5), last_mu))
 
     def memory(self):
         """What a later process needs to go on from here, beside the state."""

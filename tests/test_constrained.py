@@ -690,3 +690,19 @@ def test_unit_of_length_changes_nothing(unit):
     assert there.converged
     assert there.newton_iterations == here.newton_iterations
     assert there.energy == pytest.approx(unit**2 * here.energy, rel=1e-8)
+
+
+def test_short_steps_raise_the_barrier_to_what_it_was():
+    """However many follow, μ returns to its weight before it was lowered, and no further."""
+    scene = hemisphere(1.0)
+    problem = discretised(scene, 0.6)
+    feasible_start(problem)
+    iterate = Iterate(problem, 1.0)
+    iterate.lower_mu(1e-3)
+    iterate.lower_mu(1e-3)
+    assert iterate.mu == pytest.approx(0.04)
+    for mu in (0.04, 0.04, 0.2, *[0.2] * 6):
+        iterate._raise_mu_if_short(0.05)
+        assert iterate.mu == problem.mu == pytest.approx(mu)
+    iterate.lower_mu(1e-3)
+    assert iterate.mu == pytest.approx(0.04)

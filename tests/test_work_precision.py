@@ -90,7 +90,7 @@ def test_profile():
 
 
 def test_newton_matrix():
-    """Both ways are timed on the same matrix."""
+    """A line has the milliseconds of both ways and their ratio."""
     (line,) = demo.newton_matrix({"hemisphere, ks = 1": 0.4})
     milliseconds = [float(line[f"ms, {way}"]) for way in ("SymbolicEnergy", "from the points")]
     assert min(milliseconds) > 0 and float(line["ratio"]) > 0

@@ -187,9 +187,8 @@ class ConstrainedLagrangian(Discretisation):
     def cost_gradient(self, out):
         """Write the derivative of `cost` to the vector `out`."""
         out[:] = 0
-        slopes = self._here.jacobians() * self._law.slopes("density")[0]
-        slopes += self._law.values("density")[0] * self._here.jacobian_slopes()
-        out.FV().NumPy()[self.psi_dofs] = self._loads(self._flat_weights * slopes)
+        (density,), (slopes,) = self._law.values("density"), self._law.slopes("density")
+        out.FV().NumPy()[self.psi_dofs] = self._loads(self._weighted(density, slopes))
 
     def work(self):
         """The virtual work of sliding the cloth along η, over kc."""
@@ -243,9 +242,12 @@ class ConstrainedLagrangian(Discretisation):
     @of_state
     def _pull(self):
         """Derivatives of the densities of E and work by ∇ψ, weighted, (4, points)."""
-        density, slopes = self._flat_density()
-        pull = self._here.jacobians() * slopes + density * self._here.jacobian_slopes()
-        return self._flat_weights * pull
+        return self._weighted(*self._flat_density())
+
+    def _weighted(self, density, slopes):
+        """Derivatives of J times a density per flat area, with the weights of the points."""
+        here = self._here
+        return self._flat_weights * (here.jacobians() * slopes + density * here.jacobian_slopes())
 
     @of_state
     def _flat_density(self):

@@ -88,7 +88,7 @@ def solve_with_ipopt(scene, maxh, order=2, multiplier_order=None, quadrature=Non
     setup, watch.begin = time.perf_counter() - begin, time.process_time()
     answer = solver(x0=program.start, lbg=0, ubg=program.upper)
     seconds, stats = time.process_time() - watch.begin, solver.stats()
-    problem.state.vec.FV().NumPy()[program.unknowns] = np.array(answer["x"]).ravel()
+    problem.unknowns[program.unknowns] = np.array(answer["x"]).ravel()
     reason = Reason.CONVERGED if stats["success"] else Reason.BLOCKED
     energy, steps = float(answer["f"]), stats["iter_count"]
     result = Result(scene, problem.state, reason, energy, steps, seconds, [], settings)
@@ -200,7 +200,7 @@ class Program:
     def __init__(self, problem):
         free, last = np.flatnonzero(list(problem.free)), problem.psi_dofs.stop
         self.unknowns, multipliers = free[free < last], free[free >= last]
-        state = problem.state.vec.FV().NumPy().copy()
+        state = problem.unknowns.copy()
         self.start, state[self.unknowns] = state[self.unknowns], 0.0
         slopes = [lambda u: ngs.grad(u)[0], lambda u: ngs.grad(u)[1]]
         psi = at_points(problem, (0, 1), slopes)

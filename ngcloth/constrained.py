@@ -105,10 +105,11 @@ class ConstrainedLagrangian(Discretisation):
 
     @relaxed.setter
     def relaxed(self, relaxed):
-        self._relaxed, moving = relaxed, ngs.BitArray(self.free)
-        if relaxed:
-            moving[self.psi_dofs.stop :] = False
-        self._system = SaddleSystem(moving, self.eta_flow, self.inverse)
+        self._relaxed, of_psi = relaxed, ngs.BitArray(self.free)
+        of_psi[self.psi_dofs.stop :] = False
+        moving = of_psi if relaxed else self.free
+        multipliers = moving.NumSet() - of_psi.NumSet()
+        self._system = SaddleSystem(moving, multipliers, self.eta_flow, self.inverse)
 
     def slacks(self):
         """Values c of all slacks at the sampling points, (slacks, points)."""
@@ -215,7 +216,14 @@ class ConstrainedLagrangian(Discretisation):
 
     def solver(self, matrix):
         """Return a function (load, out) that writes the x with matrix x = load to `out`."""
-        return self._system.solver(matrix)
+        return self._system.solver(matrix, np.abs(self._law.partials("stress")).max())
+
+    def is_minimum(self):
+        """Whether the matrix last given to `solver` is positive in all ψ that keep equilibrium.
+
+        Where the factorisation does not tell, the answer is yes.
+        """
+        return self._system.is_minimum()
 
     # How it is put together ---------------------------------------------------------------
 

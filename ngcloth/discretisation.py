@@ -11,16 +11,16 @@ from .sampling import Points
 
 
 def of_state(evaluate):
-    """Make a method keep its last value, and return it for as long as `self.state` is the same."""
+    """Make a method keep its last value, and return it for as long as `unknowns` are the same."""
     name = f"_kept_{evaluate.__name__}"
 
     @wraps(evaluate)
     def kept(self):
-        state = self.state.vec.FV().NumPy()
+        now = self.unknowns.tobytes()  # compared faster than numbers are
         at, value = getattr(self, name, (None, None))
-        if at is None or not np.array_equal(at, state):
+        if at != now:
             value = evaluate(self)
-            setattr(self, name, (state.copy(), value))
+            setattr(self, name, (now, value))
         return value
 
     return kept
@@ -45,6 +45,8 @@ class Discretisation:
     ----------
     state : GridFunction
         The current ψ.
+    unknowns : ndarray, (dofs,)
+        The numbers of `state`, in the memory of these.
     mu : float
         Weight of the term that the outer loop drives to zero.
     points : Points
@@ -62,6 +64,7 @@ class Discretisation:
         mirrors = ("mirror1", "mirror2") if scene.symmetric else ("", "")
         self.fes = ngs.FESpace(self._spaces(mesh, order, mirrors))
         self.state = ngs.GridFunction(self.fes, name="state")
+        self.unknowns = self.state.vec.FV().NumPy()
         self.free = self._free_dofs()
         for component, value in zip(self._psi, scene.start_expression(), strict=True):
             component.Set(value)

@@ -167,7 +167,7 @@ class Recorder:
             active=active,
         )
         self.rows.append(row)
-        self.problem, self._state = problem, problem.state.vec.FV().NumPy().copy()
+        self.problem, self._state = problem, problem.unknowns.copy()
         if self.log:
             self.log(str(row))
         if self._checkpoint and phase != "coarse":
@@ -181,7 +181,7 @@ class Recorder:
         if found is None:
             return
         self.problem, (self._state, self.rows, self.memory) = problem, found
-        problem.state.vec.FV().NumPy()[:] = self._state
+        problem.unknowns[:] = self._state
         last = self.rows[-1]
         self.newton, self.pseudo_time = last.newton, last.pseudo_time
         self._begin -= last.seconds
@@ -191,5 +191,5 @@ class Recorder:
     def restore(self):
         """Return to the last accepted step. Returns whether there is one."""
         if self.problem is not None:
-            self.problem.state.vec.FV().NumPy()[:] = self._state
+            self.problem.unknowns[:] = self._state
         return self.problem is not None

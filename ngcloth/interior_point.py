@@ -2,8 +2,9 @@
 
 The method of Wächter and Biegler (2006), slack variables included, with all norms taken in the
 function spaces, and the centrality correctors of Gondzio (1996). The matrix is regularised by the
-pseudo-time term, 1/Δt times the flow's inner product, raised until the step has positive curvature
-(Chiang and Zavala, 2016), so that each step is one of backward Euler along the gradient flow.
+pseudo-time term, 1/Δt times the flow's inner product, raised until the matrix is that of a minimum,
+by its inertia, and the step has positive curvature (Chiang and Zavala, 2016), so that each step is
+one of backward Euler along the gradient flow.
 """
 
 import numpy as np
@@ -17,7 +18,8 @@ FIRST_MU, WARM_MU = 1.0, 0.2  # of a solve from the scene's start, and from a co
 STRESSED, STRESSED_MU, LARGEST_FIRST_MU = 200.0, 0.02, 200.0
 # 1/Δt. A rate that negative curvature or a refused step asks for is at least the second; above the
 # third, rates do not last: the barrier's Hessian would no longer bend steps from the boundary.
-LEAST_RATE, FIRST_RATE, LASTING_RATE, LARGEST_RATE = 1e-9, 1e-2, 1e2, 1e6
+LEAST_RATE, FIRST_RATE, LASTING_RATE, LARGEST_RATE = 1e-9, 1e-2, 1e3, 1e6
+HIGHER = 16  # times the rate that was too low
 TO_BOUNDARY = 0.99  # a step may use up this fraction of a slack variable or a multiplier
 # A step that the boundary cuts to less than `CUT` gets at most so many correctors. Each aims for a
 # step twice as long and a bit, and for products s z within this factor of μ.
@@ -174,7 +176,7 @@ class Iterate:
         ds, dz = self._direction(recorder)
         used, length = self.rate, self._line_search(ds)
         if length == 0:
-            self.rate = min(max(8 * self.rate, FIRST_RATE), LARGEST_RATE)
+            self.rate = min(max(HIGHER * self.rate, FIRST_RATE), LARGEST_RATE)
             self.refusals += 1
             if self.refusals == FORGET:  # pairs left long ago may shut in the iterate
                 self._filter, self.rate = [], 1.0
@@ -185,8 +187,6 @@ class Iterate:
         np.clip(self.z, target / DUAL_RANGE, target * DUAL_RANGE, out=self.z)
         if length > 0.5:
             self.rate /= 2
-        elif length < 0.1:
-            self.rate *= 4
         self.rate = min(max(self.rate, LEAST_RATE), LASTING_RATE)
         self._raise_mu_if_short(length)
         return used, length
@@ -201,7 +201,6 @@ class Iterate:
 
     def _direction(self, recorder):
         """Solve for the step in ψ and η, and return that of s and z."""
-        self._force_toward(self.mu)
         self.problem.cost_gradient(self._cost_gradient)
         solve = self._regularised(recorder)
         ds, dz = self._slack_step(self.mu)
@@ -224,24 +223,39 @@ class Iterate:
         self._psi_step.FV().NumPy()[self.problem.psi_dofs.stop :] = 0
 
     def _regularised(self, recorder):
-        """Solve with a rate at which the step in ψ has positive curvature; return the solver."""
-        problem = self.problem
-        direction, psi_step = problem.direction.vec, self._psi_step
-        matrix = problem.hessian(self.z, self.z / self.s)
-        added = 0.0
+        """Solve with a rate at which ψ tends to a minimum; return the solver."""
+        problem, given = self.problem, self.rate
+        eta = problem.unknowns[problem.psi_dofs.stop :]
+        matrix, added = self._linearised(), 0.0
         while True:
             matrix.AsVector().data += (self.rate - added) * problem.flow.AsVector()
             added = self.rate
             solve = problem.solver(matrix)
-            solve(self._force, direction)
-            direction.data *= -1
+            solve(self._force, problem.direction.vec)
+            problem.direction.vec.data *= -1
             recorder.newton += 1
-            self._project(direction)
-            curvature = psi_step.InnerProduct((matrix * psi_step).Evaluate())
-            size = psi_step.InnerProduct((problem.flow * psi_step).Evaluate())
-            if curvature > 1e-8 * size or recorder.exhausted or self.rate > LARGEST_RATE:
+            tends = self._tends_to_minimum(matrix)
+            if tends or recorder.exhausted or self.rate > LARGEST_RATE:
                 return solve
-            self.rate = max(4 * self.rate, FIRST_RATE)
+            self.rate = max(HIGHER * self.rate, FIRST_RATE)
+            if self.rate > LASTING_RATE and eta.any():
+                # Far from equilibrium η can bend the Lagrangian by more than E does, and no rate
+                # makes up for it. The filter does not see η, so that it may begin again.
+                eta[:] = 0
+                matrix, added, self.rate = self._linearised(), 0.0, given
+
+    def _linearised(self):
+        """Set the force toward μ, and return the matrix without the pseudo-time term."""
+        self._force_toward(self.mu)
+        return self.problem.hessian(self.z, self.z / self.s)
+
+    def _tends_to_minimum(self, matrix):
+        """Whether the step in ψ has positive curvature, and what keeps equilibrium has it too."""
+        problem, psi_step = self.problem, self._psi_step
+        self._project(problem.direction.vec)
+        curvature = psi_step.InnerProduct((matrix * psi_step).Evaluate())
+        size = psi_step.InnerProduct((problem.flow * psi_step).Evaluate())
+        return curvature > 1e-8 * size and problem.is_minimum()
 
     def _corrected(self, solve, ds, dz):
         """Correct a step that few slack variables cut short: solve again with the same matrix.

@@ -6,8 +6,8 @@ import ngsolve as ngs
 import numpy as np
 from netgen.meshing import NgException
 
-SOFTENING = 1e-8  # of the block of η for a factorisation without pivoting
-REFINEMENTS, ACCURACY = 8, 1e-8  # at most so many, until the residual is this part of the load
+SOFTENING = 1e-8  # of the block of η for a factorisation without pivoting, over the stiffness
+REFINEMENTS, ACCURACY = 8, 1e-4  # at most so many, until the residual is this part of the load
 
 
 class SaddleSystem:
@@ -15,37 +15,43 @@ class SaddleSystem:
 
     LDLᵀ without pivoting needs a matrix without zeros on the diagonal (Vanderbei, 1995); it gets
     one with a small negative block for η, whose effect iterative refinement undoes. It takes a
-    tenth of the time of LU with pivoting, which stands by for the rare failure.
+    tenth of the time of LU with pivoting, which stands by for the rare failure, and its pivots tell
+    a minimum in ψ from another saddle.
 
     Parameters
     ----------
     moving : BitArray
         The unknowns to solve for; the others stay zero.
+    multipliers : int
+        How many of these are of η.
     eta_flow : BaseMatrix
         Of which a little is the negative block.
     inverse : str
         NGSolve's name of the direct solver; "sparsecholesky" is the LDLᵀ, others use LU at once.
     """
 
-    def __init__(self, moving, eta_flow, inverse):
-        self._moving, self._softener = moving, eta_flow.AsVector()
+    def __init__(self, moving, multipliers, eta_flow, inverse):
+        self._moving, self._multipliers = moving, multipliers
+        self._softener = eta_flow.AsVector()
         self._without_pivoting = inverse == "sparsecholesky"
         self._inside, self._factors = ngs.Projector(moving, True), None
         self._rest = eta_flow.CreateColVector()
 
-    def solver(self, matrix):
+    def solver(self, matrix, stiffness):
         """Return a function (load, out) that writes the x with matrix x = load to `out`.
 
         Where also LU fails, x is not a number. `matrix` is always the same object, with other
-        entries each time.
+        entries each time. `stiffness` is the size of the blocks that couple ψ and η: with less
+        softening than its part of that, the signs of pivots are lost in rounding.
         """
         if self._without_pivoting:
-            matrix.AsVector().data -= SOFTENING * self._softener
+            softening = SOFTENING * stiffness
+            matrix.AsVector().data -= softening * self._softener
             if self._factors is None:
                 self._factors = matrix.Inverse(self._moving, inverse="sparsecholesky")
             else:  # the ordering is known
                 self._factors.Update()
-            matrix.AsVector().data += SOFTENING * self._softener
+            matrix.AsVector().data += softening * self._softener
 
         @cache
         def pivoted():
@@ -61,6 +67,17 @@ class SaddleSystem:
 
         return solve
 
+    def is_minimum(self):
+        """Whether the matrix last factorised is positive in all ψ that keep equilibrium.
+
+        By Sylvester's law, it then has as many negative pivots as there are multipliers. Where
+        pivots are not known, as of LU, the answer is yes.
+        """
+        if not self._without_pivoting:
+            return True
+        pivots = _pivots(self._factors, self._moving.NumSet())
+        return pivots is None or (pivots < 0).sum() == self._multipliers
+
     def _refined(self, matrix, load, out):
         """Iterate out ← out + factors⁻¹ (load − matrix out); whether that succeeded."""
         out[:] = 0
@@ -74,3 +91,16 @@ class SaddleSystem:
             if size <= goal or not np.isfinite(size):
                 break
         return size <= goal
+
+
+def _pivots(factors, size):
+    """D of an LDLᵀ of NGSolve, (size,), or None if another version keeps it otherwise.
+
+    NGSolve shows D in the pickled state alone: after L and after where the rows of L start, `size`
+    + 1 numbers from 0 to that of all entries. A test tells if that has changed.
+    """
+    state, entries = factors.__getstate__()[0][0], factors.nze
+    begin = state.find(np.int64([size + 1, 0]).tobytes(), 8 * entries)
+    end = begin + 8 * (size + 1)
+    known = begin >= 0 and np.array_equal(np.frombuffer(state, np.int64, 2, end), [entries, size])
+    return np.frombuffer(state, float, size, end + 16) if known else None

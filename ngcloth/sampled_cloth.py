@@ -28,12 +28,15 @@ class SampledCloth(Kinematics):
 
     Attributes
     ----------
+    unknowns : ndarray
+        Those of ψ1 and ψ2.
     variables : list of GridFunction
         G11, G12, G21, G22, C11, C22, C12, and the same of G⁻ᵀ b G⁻¹ if that is asked for.
     """
 
     def __init__(self, state, psi, points, metric, fabric, curvature):
         self.state, self.points, self._psi = state, points, psi
+        self.unknowns = state.vec.FV().NumPy()[: state.space.Range(1).stop]
         self.variables, self._tensors = [points.field() for _ in range(4)], []
         super().__init__(ngs.CF(tuple(self.variables), dims=(2, 2)), metric, fabric, curvature)
 
@@ -46,8 +49,7 @@ class SampledCloth(Kinematics):
     @of_state
     def gradients(self):
         """G at the points, (2, 2, points)."""
-        psi = self.state.vec.FV().NumPy()[: self.state.space.Range(1).stop]
-        return self._psi.at_points(psi.reshape(2, -1))[:, 1:]
+        return self._psi.at_points(self.unknowns.reshape(2, -1))[:, 1:]
 
     @of_state
     def jacobians(self):
@@ -154,7 +156,7 @@ class SampledExpressions:
     """
 
     def __init__(self, cloth, **groups):
-        self._cloth, self.state = cloth, cloth.state
+        self._cloth, self.unknowns = cloth, cloth.unknowns
         ends = np.cumsum([len(group) for group in groups.values()])
         self._rows = {
             name: slice(int(end) - len(group), int(end))
@@ -174,6 +176,12 @@ class SampledExpressions:
         """Their derivatives by G11, G12, G21, G22, (expressions of this name, 4, points)."""
         return self._all_slopes()[self._rows[name]]
 
+    def partials(self, name):
+        """Their derivatives by the cloth's variables that do not vanish, (derivatives, points)."""
+        rows = self._rows[name]
+        chosen = [rows.start <= row < rows.stop for row, _ in self._firsts]
+        return self._all_partials()[chosen]
+
     def bend(self, **weights):
         """Second derivatives by G of their sum times weights, (4, 4, points).
 
@@ -185,7 +193,7 @@ class SampledExpressions:
         weights = np.concatenate([weights[name] for name in self._rows])
         slopes = self._cloth.slopes()
         firsts = np.zeros((len(slopes), len(self._cloth.points)))
-        for (row, variable), partial in zip(self._firsts, self._partials(), strict=True):
+        for (row, variable), partial in zip(self._firsts, self._all_partials(), strict=True):
             firsts[variable] += weights[row] * partial
         bend = self._cloth.bend(firsts)
         places, seconds = self._seconds
@@ -205,12 +213,12 @@ class SampledExpressions:
     @of_state
     def _all_slopes(self):
         slopes = np.zeros((self._number, 4, len(self._cloth.points)))
-        for (row, variable), partial in zip(self._firsts, self._partials(), strict=True):
+        for (row, variable), partial in zip(self._firsts, self._all_partials(), strict=True):
             slopes[row] += partial * self._cloth.slopes()[variable]
         return slopes
 
     @of_state
-    def _partials(self):
+    def _all_partials(self):
         self._cloth.update()
         return self._first_values.at(self._cloth.points)
 

@@ -24,7 +24,6 @@ INVERSES = ("sparsecholesky", "umfpack")
 COARSEST = 0.3  # mesh size over diameter
 REFINEMENTS = 2  # of a mesh, to give the next finer one
 COARSER = 2**REFINEMENTS
-LEAST_ORDER = 2  # of ψ, to begin with
 
 
 def solve(
@@ -269,15 +268,7 @@ def _coarser_levels(scene, maxh, rim_maxh):
 
 
 def _coarser(scene, settings):
-    """Settings of the discretisation that is solved first, of half the order or on a coarser mesh.
-
-    None if there is none.
-    """
-    if scene.constraints and settings["order"] > LEAST_ORDER:
-        order = max(-(-settings["order"] // 2), LEAST_ORDER)
-        multiplier_order = min(settings["multiplier_order"], order)
-        half = {"order": order, "quadrature": 2 * order + 2, "multiplier_order": multiplier_order}
-        return settings | half
+    """Settings of the coarser mesh that is solved first; None if there is none."""
     if _coarser_levels(scene, settings["maxh"], settings.get("rim_maxh")):
         return settings | {"maxh": COARSER * settings["maxh"]}
     return None
@@ -324,10 +315,10 @@ def _start_from_coarser(problem, recorder, settings):
     reason = interior_point(
         coarse, recorder, max(WARM_MU, settings["barrier_end"]), phase="coarse", warm=warm
     )
-    given = problem.state.vec.FV().NumPy().copy()
+    given = problem.unknowns.copy()
     fits = reason is Reason.CONVERGED and problem.take(coarse.state)
     if not (fits and problem.slacks().min() > FAR):
-        problem.state.vec.FV().NumPy()[:] = given
+        problem.unknowns[:] = given
         return False
     return True
 

@@ -28,8 +28,8 @@ class VirtualWork:
     """
 
     def __init__(self, cloth, law, virtual_strain, psi, points):
-        self.state, self._cloth, self._law, self._psi = cloth.state, cloth, law, psi
-        space = self.state.space
+        self._cloth, self._law, self._psi = cloth, law, psi
+        self.unknowns, space = cloth.state.vec.FV().NumPy(), cloth.state.space
         self.eta = Sampling(space.components[2], points)
         self._dofs = slice(space.Range(2).start, space.Range(3).stop)
         self._weights = points.weights
@@ -71,8 +71,7 @@ class VirtualWork:
     @of_state
     def strain(self):
         """L_η a as L11, 2 L12, L22, so that J S : L_η a is its product with `stress`."""
-        state = self.state.vec.FV().NumPy()
-        eta = self.eta.at_points(state[self._dofs].reshape(2, -1))
+        eta = self.eta.at_points(self.unknowns[self._dofs].reshape(2, -1))
         return np.einsum("kjmp,jmp->kp", self._unit_strains, eta)
 
     def value(self):

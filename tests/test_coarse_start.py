@@ -105,40 +105,13 @@ def test_patch_far_from_the_limits_is_no_start():
     assert own[0].mu > WARM_MU
 
 
-@pytest.mark.parametrize("order", [3, 6])
-def test_half_the_order_leads_to_the_same_patch(order, from_scene_start):
-    scene, maxh = scenes.hemicatenoid(1.0), 0.3
-    nested = ngcloth.solve(scene, maxh=maxh, order=order)
-    direct = from_scene_start(scene, maxh=maxh, order=order)
-    assert nested.converged and direct.converged
-    assert nested.energy == pytest.approx(direct.energy, rel=1e-4)
-    np.testing.assert_allclose(nested.outline(100), direct.outline(100), atol=5e-3)
-
-
-def test_half_the_order_saves_steps(from_scene_start):
-    """The stiff hemicatenoid takes 31 on its own, and 12 after 8 of lower order."""
-    scene = scenes.hemicatenoid(100.0)
-    nested = ngcloth.solve(scene, maxh=0.3, order=6)
-    direct = from_scene_start(scene, maxh=0.3, order=6)
-    assert nested.converged and direct.converged
-    assert nested.energy == pytest.approx(direct.energy, rel=1e-4)
-    assert nested.last_mesh_iterations < 0.6 * direct.newton_iterations
-
-
 def test_steps_do_not_grow_with_the_order():
-    """From the start as given, without lower orders, it takes up to 39."""
     counts = [
         ngcloth.solve(scenes.hemisphere(1.0), maxh=0.3, order=order).newton_iterations
         for order in (2, 3, 4, 5, 7)
     ]
-    assert max(counts) <= 20
-    assert max(counts) < 2 * min(counts)
-
-
-def test_stop_at_a_lower_order_is_told():
-    result = ngcloth.solve(scenes.hemisphere(10.0), maxh=0.3, order=5, max_steps=3)
-    assert result.reason is Reason.STEP_BUDGET
-    assert (result.settings["maxh"], result.settings["order"]) == (0.3, 2)
+    assert max(counts) <= 15
+    assert max(counts) < 1.6 * min(counts)
 
 
 def test_stop_on_a_coarse_mesh_is_told():

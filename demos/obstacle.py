@@ -6,11 +6,10 @@ Pinned along its rim, the cloth touches the surface all over only where the surf
     such that  τ = −2 S : b ≥ 0, λ1 ≥ 1, λ2 ≥ 1, and the cloth is in equilibrium.
 
 Without τ ≥ 0 the best patch is symmetric, and is pulled along parts of its rim. With it the problem
-has several solutions, and the start decides. From the paper's start, ψ = (0.3 θ1, 0.4 θ2), a solve
-may stay as good as symmetric; where shear is stiff that patch is a saddle, says its certificate.
-The same start turned in its plane leads to patches that are turned by about 15° either way, mirror
-images of each other up to the mesh, with less energy; or to a third kind, turned by about 45°, with
-more. `ngcloth.minima` tries several starts; the figures show the lowest of what came out.
+has several solutions. Where shear is stiff the lowest are turned by about 15° either way, mirror
+images of each other up to the mesh, and the paper's start, ψ = (0.3 θ1, 0.4 θ2), leads to one of
+them, be it turned in its plane or not; the symmetric patch has more energy. `ngcloth.minima` tries
+several starts; the figures show the lowest of what came out.
 
 The angle of a patch is that by which the mean of ∇ψ turns, in (−45°, 45°]: exchanging warp and
 weft turns a patch by 90°. The mesh has no symmetry; on coarse ones E moves by some per cent with
@@ -191,7 +190,7 @@ def reaction(ax, result, zero=False):
 
 def main(out="out"):
     """Solve, print, draw."""
-    # With several threads the last digits vary, and they may decide which minimum is found.
+    # With several threads the last digits vary, and they may decide which mirror image is found.
     ngs.SetNumThreads(1)
     results = {}
     for ratio in RATIOS:

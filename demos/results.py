@@ -340,18 +340,18 @@ QUOTE = (
 )
 MINIMA = [
     "What each start leads to, lowest first on each mesh; (s1, s2) is ψ = (s1 θ1, s2 θ2). With the "
-    "obstacle, digits at rounding error may decide, so that one thread is used throughout.",
+    "obstacle, digits at rounding error may decide which of two mirror images is found, so that "
+    "one thread is used throughout.",
     "",
     "*Sphere.* No start without the symmetry between warp and weft, or without any, has led to "
     "less energy than the paper's, (0.1, 0.1), on the same mesh: to the same patch, or to a higher "
     "minimum. The whole sphere has another mesh than the quarter.",
     "",
-    "*Obstacle.* From ks/kc = 70 on there are three kinds. Patches that are not turned, to which "
-    "the paper's start leads on coarse meshes, are saddles: the certificate finds a direction of "
-    "curvature −17 at ks/kc = 100, h = 0.35. Those turned by 13° to 16°, in pairs that are mirror "
-    "images but for the mesh, have the least energy on every mesh on which they were found. Those "
-    "turned by 41° to 45° have more. At ks/kc = 1 the lowest are turned by 5° or less, by another "
-    "angle on each mesh, and differ by a few per cent in energy: the angle is hardly determined.",
+    "*Obstacle.* From ks/kc = 70 on every start leads to a patch that is turned by 15° to 16°, one "
+    "of a pair that are mirror images but for the mesh. A patch that keeps the symmetry of the "
+    "surface has more energy: 0.365 at ks/kc = 100, h = 0.5. At ks/kc = 1 they are turned by 4° "
+    "to 6°, by another angle on each mesh, and differ by a few per cent in energy: the angle is "
+    "hardly determined.",
 ]
 
 

@@ -123,9 +123,10 @@ QUICK_SIZE = {"hemisphere, ks = 1": 0.4}  # of all else
 OMISSIONS = """\
 CPU seconds are those of one thread in a process of its own, after a first solve that loads the
 libraries; the best of three where a solve takes less than half a second. They hold mesh, set-up and
-result for ngcloth, the flattening of its start, and the solves on coarser meshes with which it begins; for IPOPT, which begins on the mesh itself and at the scene's start, made
-feasible, neither set-up nor the compilation of its kernels, which the last ratio counts as well, by
-the clock on the wall. A Newton
+result for ngcloth, the flattening of its start, and the solves on coarser meshes with which it
+begins; for IPOPT, which begins on the mesh itself and at the scene's start, made feasible, neither
+set-up nor the compilation of its kernels, which the last ratio counts as well, by the clock on the
+wall. A factorisation that only raises 1/Δt counts as a Newton step of ngcloth, not of IPOPT. A
 step on a coarser mesh counts like any other in "steps", and not in those "on the finest mesh". Peak
 memory is that of the process, imports included; exponents of memory are of what exceeds them. IPOPT
 runs at order 2 only, with options found best on these scenes (exact derivatives, adaptive barrier,

@@ -37,8 +37,6 @@ def test_coarser_meshes_lead_to_the_same_patch(scene, from_scene_start):
 
 
 def test_steps_on_the_finest_mesh_do_not_grow():
-    """Without coarser meshes and correctors the stiff hemisphere takes 13, 16 and 48."""
-
     def solve(maxh):
         return ngcloth.solve(scenes.hemisphere(100.0), maxh=maxh)
 
@@ -48,7 +46,7 @@ def test_steps_on_the_finest_mesh_do_not_grow():
 
 
 def test_correctors_save_steps(monkeypatch):
-    """Same patch; without correctors these take 33 and 18 steps."""
+    """Same patch; without correctors these take 13 and 24 steps."""
     for scene, maxh in (
         (scenes.hemicatenoid(1.0), 0.2),
         (scenes.sphere(0.7, shear_limit=cos(pi / 6)), 0.16),
@@ -91,7 +89,7 @@ def test_meshes_are_nested():
 
 
 def test_large_portion_with_a_shear_limit():
-    """From the scene's start it takes some 180 steps on this mesh, where many limits meet."""
+    """Many limits meet here."""
     result = ngcloth.solve(scenes.sphere(0.85, shear_limit=cos(pi / 6)), maxh=0.1)
     assert result.converged
     assert result.newton_iterations <= 60

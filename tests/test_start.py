@@ -40,12 +40,12 @@ def with_start(scene, start):
 
 @pytest.mark.parametrize("start", [(0.1, 2.0), (2.0, 0.1), (0.02, 0.02)])
 def test_thread_stretched_many_times_over(start):
-    """ψ1 and ψ2 are dilated apart from each other; without, the first takes 351 steps."""
+    """Flattened, they are starts like any other."""
     dome = scenes.hemisphere(1.0)
     result, usual = solve(with_start(dome, start), maxh=0.3), solve(dome, maxh=0.3)
     assert result.converged
     assert result.energy == pytest.approx(usual.energy, rel=1e-4)
-    assert result.newton_iterations <= 25
+    assert result.newton_iterations <= usual.newton_iterations + 4
 
 
 def test_dilation_stops_where_the_cost_is_small_or_the_state_not_allowed():
@@ -73,10 +73,10 @@ def test_stretched_chebyshev_start():
 
 
 def test_stressed_start_is_relaxed_first():
-    """Begun with equilibrium, at a barrier a thousandth of the stress, it takes 491 steps."""
+    """Begun with equilibrium, at a barrier a thousandth of the stress, it takes 40 steps."""
     result = solve(FAR, maxh=0.25)
     assert result.converged
-    assert result.newton_iterations <= 80
+    assert result.newton_iterations <= 35
     assert result.history[0].mu > 1
 
 
@@ -136,7 +136,7 @@ def paraboloid(shear):
 
 @pytest.mark.parametrize("shear", [5.0, 10.0, 100.0])
 def test_start_on_sheared_coordinates(shear):
-    """Flattened, it is nearly isometric; without, at 10, 204 steps."""
+    """Flattened, it is nearly isometric; without, at 10, 207 steps."""
     scene = Scene(paraboloid(shear), Net(1.0, 1.0), (Elongation(),))
     result = solve(scene, maxh=0.3)
     assert result.converged
@@ -180,14 +180,14 @@ def test_rigid_steps_lower_the_distance_to_an_isometry():
 
 
 def test_tall_hemicatenoid():
-    """A start that is rigid where it can be; without, it takes 83 steps."""
+    """A start that is rigid where it can be; without, it takes 46 steps."""
     tall = Surface(
         lambda x, y: (ngs.cosh(y) * ngs.cos(x), ngs.cosh(y) * ngs.sin(x), y),
         Rectangle((0, pi), (-2.5, 2.5)),
     )
     result = solve(Scene(tall, Net(ks=1.0), (Elongation(),), symmetric=True), maxh=0.25)
     assert result.converged
-    assert result.newton_iterations <= 60
+    assert result.newton_iterations <= 40
     assert result.normalized_energy == pytest.approx(3.1214, rel=1e-4)
 
 

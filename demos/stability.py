@@ -115,7 +115,7 @@ def _certificate(result):
 
 # The page --------------------------------------------------------------------------------------
 
-# Why a row fails, by axis and value. "Probably" marks what has not been tested.
+# Why a row fails, by axis and value.
 _FOLDED_ELLIPSOID = (
     "Triangles are too coarse for the metric. J > 0 is asked at the integration points only, and "
     "the cloth folds between them; some runs end there, others are blocked or use up their steps."

@@ -216,7 +216,8 @@ class ConstrainedLagrangian(Discretisation):
 
     def solver(self, matrix):
         """Return a function (load, out) that writes the x with matrix x = load to `out`."""
-        return self._system.solver(matrix, np.abs(self._law.partials("stress")).max())
+        stiffness = np.abs(self._law.partials("stress")).max(initial=1.0)
+        return self._system.solver(matrix, stiffness)
 
     def is_minimum(self):
         """Whether the matrix last given to `solver` is positive in all ψ that keep equilibrium.

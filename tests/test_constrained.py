@@ -23,7 +23,7 @@ from ngcloth.constrained import ConstrainedLagrangian
 from ngcloth.history import Reason, Recorder
 from ngcloth.interior_point import Iterate
 from ngcloth.kinematics import Kinematics, virtual_strain
-from ngcloth.saddle_system import ACCURACY, SaddleSystem
+from ngcloth.saddle_system import ACCURACY, SaddleSystem, _pivots
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
 from ngcloth.solve import make_mesh
 from ngcloth.start import feasible_start
@@ -174,6 +174,8 @@ def test_minimum_is_told_from_other_saddles(displaced):
         told.append(system.is_minimum())
         assert told[-1] == ((np.linalg.eigvalsh(dense) < 0).sum() == multipliers)
     assert told == sorted(told) and not told[0] and told[-1]
+    factors = matrix.Inverse(problem.free, inverse="sparsecholesky")
+    assert _pivots(factors, sum(free) - 1) is None  # as it would be in another layout
 
 
 def test_slack_changes(displaced):

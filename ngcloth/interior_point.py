@@ -17,7 +17,8 @@ FIRST_MU, WARM_MU = 1.0, 0.2  # of a solve from the scene's start, and from a co
 # fraction of that energy as μ, but no more than the last.
 STRESSED, STRESSED_MU, LARGEST_FIRST_MU = 200.0, 0.02, 200.0
 # 1/Δt. A rate that negative curvature or a refused step asks for is at least the second; above the
-# third, rates do not last: the barrier's Hessian would no longer bend steps from the boundary.
+# third, η is given up, and rates do not last: the barrier's Hessian would no longer bend steps from
+# the boundary.
 LEAST_RATE, FIRST_RATE, LASTING_RATE, LARGEST_RATE = 1e-9, 1e-2, 1e3, 1e6
 HIGHER = 16  # times the rate that was too low
 TO_BOUNDARY = 0.99  # a step may use up this fraction of a slack variable or a multiplier

@@ -4,15 +4,15 @@ A constrained scene on a mesh is a nonlinear program,
 
     minimise    E(ψ) = Σ w J W                  over the free degrees of freedom of ψ
     subject to  ∫ J S : L_η a = 0               for every free basis function η
-                c(θ_q) ≥ 0                      for every slack c at every integration point.
+                c(θ_q) ≥ 0                      for every slack c at every point of ngcloth's.
 
 Here IPOPT solves it, from the scene's start on ngcloth's mesh, spaces and points: exact first and
 second derivatives, adaptive barrier, kernels in compiled C where there is a compiler.
 
-IPOPT's barrier weighs all slacks alike, ngcloth's by area. So IPOPT goes to the optimum, ngcloth as
-near to it as `barrier_end` says; energies further apart are different local minima. "Arrival" is
-when IPOPT comes within 1e-4 of its last energy and of feasibility, to stay. Seconds are processor
-time of one thread; mesh and setup count for ngcloth, and for IPOPT are listed apart.
+IPOPT's barrier weighs all slacks alike, ngcloth's by area and length. So IPOPT goes to the optimum,
+ngcloth as near to it as `barrier_end` says; energies further apart are different local minima.
+"Arrival" is when IPOPT comes within 1e-4 of its last energy and of feasibility, to stay. Seconds
+are processor time of one thread; mesh and setup count for ngcloth, and for IPOPT are listed apart.
 
     python demos/ipopt_peer.py            # a minute; needs the extra `bench`; prints a table
 """
@@ -32,6 +32,7 @@ from ngcloth.constrained import ConstrainedLagrangian
 from ngcloth.errors import InputError
 from ngcloth.history import Reason
 from ngcloth.result import Result
+from ngcloth.sampling import RimPoints, Sampling
 from ngcloth.solve import make_mesh
 from ngcloth.start import feasible_start
 
@@ -78,7 +79,7 @@ def solve_with_ipopt(scene, maxh, order=2, multiplier_order=None, quadrature=Non
     settings = {"maxh": maxh, "order": order, "multiplier_order": multiplier_order or order}
     settings["quadrature"] = quadrature or 2 * order + 2
     problem = discretise(scene, **settings)
-    program = Program(problem)
+    program = Program(problem, settings["quadrature"])
     watch = Watch(program)
     options = {"ipopt": {"print_level": 0, "sb": "yes", **IPOPT, **ipopt}}
     options |= {"print_time": False, "show_eval_warnings": False, "no_nlp_grad": True}
@@ -197,16 +198,19 @@ def compiled(*kernels):
 class Program:
     """The nonlinear program: point kernels between constant sparse matrices."""
 
-    def __init__(self, problem):
+    def __init__(self, problem, quadrature):
         free, last = np.flatnonzero(list(problem.free)), problem.psi_dofs.stop
         self.unknowns, multipliers = free[free < last], free[free >= last]
         state = problem.unknowns.copy()
         self.start, state[self.unknowns] = state[self.unknowns], 0.0
-        slopes = [lambda u: ngs.grad(u)[0], lambda u: ngs.grad(u)[1]]
-        psi = at_points(problem, (0, 1), slopes)
-        eta = at_points(problem, (2, 3), [lambda u: u, *slopes])
+        # Points on the rim weigh nothing: limits are all they have.
+        inside, on_rim = problem.points, RimPoints(problem.state.space.mesh, quadrature)
+        psi = at_points(problem.fes, (inside, on_rim), (0, 1), (1, 2))
+        eta = at_points(problem.fes, (inside, on_rim), (2, 3), (0, 1, 2))
         held, psi, eta = psi @ state, psi[:, self.unknowns.tolist()], eta[:, multipliers.tolist()]
-        geometry, n = geometry_at_points(problem), len(problem.points)
+        families = (inside, inside.weights), (on_rim, np.zeros(len(on_rim)))
+        surface, n = problem.scene.surface, len(inside) + len(on_rim)
+        geometry = np.hstack([geometry_at_points(surface, *family) for family in families])
         kernels = point_kernels(problem.scene.fabric, problem.scene.constraints)
         values, firsts, seconds = (kernel.map(n) for kernel in kernels)
         n_eta, n_slacks = eta.size2(), values.numel_out(2)
@@ -231,27 +235,33 @@ class Program:
         }
 
 
-def at_points(problem, components, entries):
-    """The matrix from degrees of freedom to entries of some components, point by point."""
-    points, fes = problem.points, problem.fes
-    rows, columns, values = [], [], []
-    fields = [(i, entry) for i in components for entry in entries]
-    for k, (i, entry) in enumerate(fields):
-        u, v = fes.components[i].TrialFunction(), points.space.TestFunction()
-        form = ngs.BilinearForm(entry(u) * v * points.dx)
-        point, dof, value = (np.array(part) for part in form.Assemble().mat.COO())
-        rows += (len(fields) * point + k).tolist()
-        columns += (fes.Range(i).start + dof).tolist()
-        values += (value / points.weights[point]).tolist()
-    return ca.DM.triplet(rows, columns, values, len(fields) * len(points), fes.ndof)
+def at_points(fes, families, components, parts):
+    """The matrix from degrees of freedom to components, point by point.
+
+    `parts` are 0 for values, 1 and 2 for derivatives.
+    """
+    n_fields, first, triplets = len(components) * len(parts), 0, []
+    for points in families:
+        for c, i in enumerate(components):
+            sampling = Sampling(fes.components[i], points)
+            shapes = sampling.shapes[:, parts]
+            triangles, _, at_one, _ = shapes.shape
+            point = first + np.arange(triangles * at_one).reshape(triangles, 1, at_one, 1)
+            field = c * len(parts) + np.arange(len(parts)).reshape(-1, 1, 1)
+            columns = fes.Range(i).start + sampling.dofs[:, None, None]
+            entries = np.broadcast_arrays(n_fields * point + field, columns, shapes)
+            triplets.append([entry.ravel() for entry in entries])
+        first += len(points)
+    rows, columns, values = map(np.concatenate, zip(*triplets, strict=True))
+    shape = n_fields * first, fes.ndof
+    return ca.DM.triplet(rows.tolist(), columns.tolist(), values.tolist(), *shape)
 
 
-def geometry_at_points(problem):
+def geometry_at_points(surface, points, weights):
     """Weight, a, ∂1a, ∂2a and b at the points, (13, points)."""
-    surface, points = problem.scene.surface, problem.points
     tensors = surface.metric, *surface.metric_derivatives, surface.curvature
     entries = [tensor[i] for tensor in tensors for i in ((0, 0), (0, 1), (1, 1))]
-    return np.vstack([points.weights, points.sample(ngs.CF(tuple(entries)))])
+    return np.vstack([weights, points.sample(ngs.CF(tuple(entries)))])
 
 
 def diagonal(blocks, n):

@@ -88,7 +88,6 @@ def solve(name, curve, **settings):
         "curve": curve,
         "order": result.settings["order"],
         "maxh": result.settings["maxh"],
-        "rim_maxh": result.settings.get("rim_maxh", ""),
         "triangles": result.state.space.mesh.ne,
         "dofs": result.state.space.ndof,
         "energy": result.normalized_energy,

@@ -41,7 +41,6 @@ COLUMNS = (
     "scene maxh newton_steps last_mesh_steps seconds energy area largest_stretch least_stretch "
     "shear shear_inside least_reaction angle equilibrium_residual reason"
 ).split()
-GRADED = "graded "  # before the name of a scene: the mesh is finer along the rim, h² there
 TURNED = (10, 20)  # degrees, of further starts with the obstacle
 EXPONENTS = np.linspace(0.5, 4, 36)
 WEAKER = 1e-5  # a barrier at which the energy is compared with that of the default
@@ -53,7 +52,6 @@ def cases(quick=False):
     for ks in (1, 10, 100):
         name, scene = f"hemisphere, ks/kc = {ks}", scenes.hemisphere(ks)
         found[name] = scene, (0.2, 0.15, 0.1, 0.07, 0.05)
-        found[GRADED + name] = scene, (0.3, 0.2, 0.15, 0.1)
     for ks in (1, 10, 100):
         found[f"hemicatenoid, ks/kc = {ks}"] = scenes.hemicatenoid(ks), (0.2, 0.15, 0.1, 0.07, 0.05)
     for p in (0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9):
@@ -90,8 +88,7 @@ def _skewed(theta1, theta2):
 
 def measure(name, scene, maxh):
     """One row of the table, a dictionary with the keys `COLUMNS`."""
-    rim_maxh = maxh**2 if name.startswith(GRADED) else None
-    result = ngcloth.solve(scene, maxh=maxh, rim_maxh=rim_maxh)
+    result = ngcloth.solve(scene, maxh=maxh)
     extrema, domain = result.extrema, scene.surface.domain
     theta, _ = plot.sample(result, 40)
     inside = (domain.centre + INSIDE * (theta - domain.centre)).T
@@ -131,7 +128,7 @@ def barrier_bias(wanted):
     """By how much the energy of the coarsest mesh exceeds that at μ = `WEAKER`, {name: number}."""
     bias = {}
     for name, (scene, meshes) in wanted.items():
-        if not name.startswith(("obstacle", GRADED)):
+        if not name.startswith("obstacle"):
             ends = [
                 ngcloth.solve(scene, maxh=meshes[0], barrier_end=mu).normalized_energy
                 for mu in (1e-3, WEAKER)
@@ -213,13 +210,12 @@ def claims(rows):
                 f"{_values(stiff, 'shear')}.",
             ),
         ]
-    for surface in (f"{GRADED}hemisphere", "hemicatenoid"):
+    for surface in ("hemisphere", "hemicatenoid"):
         cases = {n.split("= ")[1]: v["area"] for n, v in found.items() if n.startswith(surface)}
         if len(cases) > 1:
             said.append(
                 (
-                    f"§5.2: the patch of the {surface.removeprefix(GRADED)} shrinks as ks/kc "
-                    "grows.",
+                    f"§5.2: the patch of the {surface} shrinks as ks/kc grows.",
                     f"Areas at h → 0: {_with_bars(cases)}.",
                 )
             )
@@ -316,8 +312,6 @@ def page(rows, others, bias):
                    for v, bar, q in these.values()]  # fmt: skip
         shift = f"{bias[name]:+.1e}" if name in bias else ""
         lines.append(f"| {name} | {' | '.join(columns)} | {shift} |")
-    if any(name.startswith(GRADED) for name in found):
-        lines += ["", QUOTE]
     lines += ["", "## What the paper says", "", "| the paper | here |", "|---|---|"]
     # A bar would end the cell.
     lines += ["| {} | {} |".format(*(t.replace("|", r"\|") for t in c)) for c in claims(rows)]
@@ -332,12 +326,6 @@ def _explained():
     return [__doc__.split("\n\n")[3].replace("\n", " ")]
 
 
-QUOTE = (
-    "For the hemisphere the graded rows are to be quoted. On uniform meshes energies fall short by "
-    "the size of the elements along the rim, and the bars, which take them for smooth in h, may be "
-    "too small: at ks/kc = 1 order 4 with elements of 0.01 and 0.005 along the rim gives 0.18411 "
-    "and 0.18414, which tends to 0.18417."
-)
 MINIMA = [
     "What each start leads to, lowest first on each mesh; (s1, s2) is ψ = (s1 θ1, s2 θ2). With the "
     "obstacle, digits at rounding error may decide which of two mirror images is found, so that "

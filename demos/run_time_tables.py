@@ -8,7 +8,6 @@ import numpy as np
 from measuring import PEER
 
 DEFAULT, WEAK, PAPER = "default", "barrier_end 1e-5", "paper's schedule"
-RIM = "rim_maxh = maxh²"
 CHEBYSHEV = "hemisphere, Chebyshev"
 AGREE = 1e-4  # relative difference of energies that count as equal
 FULL = 2000  # unknowns from which on exponents are fitted
@@ -140,11 +139,11 @@ def growth(rows):
         }
 
 
-def graded(rows):
-    """Lines of a table: with which power of h the errors fall where elements are h² at the rim."""
+def convergence(rows):
+    """Lines of a table: with which power of the mesh size the errors fall."""
     for scene in dict.fromkeys(row["scene"] for row in rows):
-        line = [row for row in select(rows, scene, RIM) if row["reason"] == "CONVERGED"]
-        if len(line) > 1:
+        line = [row for row in select(rows, scene, WEAK) if row["reason"] == "CONVERGED"]
+        if len(line) > 2:
             sizes = np.log([row["maxh"] for row in line])
             powers = {
                 name: np.polyfit(sizes, np.log([row[name] for row in line]), 1)[0]
@@ -152,7 +151,7 @@ def graded(rows):
             }
             yield {
                 "scene": scene,
-                "h": ", ".join(f"{row['maxh']:g}" for row in line),
+                "maxh": ", ".join(f"{row['maxh']:g}" for row in line),
                 "triangles": ", ".join(str(row["triangles"]) for row in line),
                 "Newton steps": ", ".join(steps(row) for row in line),
                 **{f"power, {name.split('_')[0]}": f"{q:.1f}" for name, q in powers.items()},

@@ -5,11 +5,13 @@ from functools import cached_property
 import ngsolve as ngs
 import numpy as np
 
+from .constraints import RIM_SHARE
 from .discretisation import Discretisation, of_state
 from .kinematics import Kinematics, gradient, virtual_strain
 from .saddle_system import SaddleSystem
 from .sampled_cloth import SampledCloth, SampledExpressions, symmetric_products
-from .sampling import Sampling, places
+from .sampled_limits import SampledLimits
+from .sampling import RimPoints, Sampling, places
 from .virtual_work import VirtualWork
 
 
@@ -19,9 +21,13 @@ class ConstrainedLagrangian(Discretisation):
     The second term is the virtual work of sliding the cloth along η (eq. 16); the third holds the
     multipliers z of every slack c of the scene's constraints, which the barrier makes μ/c.
 
-    `symbolic_energy` is all of it as one NGSolve `SymbolicEnergy`. The loops use its values and
-    derivatives by ∇ψ at the sampling points, where each is a short expression, and assemble them:
-    the same numbers to rounding, in a fraction of the time.
+    `symbolic_energy` is all of it as one NGSolve `SymbolicEnergy`, but for the limits on the rim.
+    The loops use its values and derivatives by ∇ψ at the sampling points, where each is a short
+    expression, and assemble them: the same numbers to rounding, in a fraction of the time.
+
+    The limits hold at points on the rim as well as inside. Where threads are taut there, and limits
+    are not, the energy is too small by what the cloth gains between the rim and the first points
+    inside: an error of first order in the size of the triangles.
 
     Parameters
     ----------
@@ -35,7 +41,8 @@ class ConstrainedLagrangian(Discretisation):
     eta_flow : BaseMatrix
         As `flow`, for η.
     weights : ndarray, (points,)
-        With which sums over the sampling points are integrals over the surface.
+        With which the points at which limits are sampled count in barriers: those inside, where
+        sums are integrals over the surface, and then those on the rim.
     slack_names : list of str
         The limit to which each slack belongs.
     psi_dofs : slice
@@ -48,7 +55,6 @@ class ConstrainedLagrangian(Discretisation):
         self._multiplier_order = multiplier_order
         super().__init__(scene, mesh, order, quadrature, inverse)
         self._flat_weights = self.points.weights
-        self.weights = self._flat_weights * self._surface_area.vec.FV().NumPy()
         self._sampling = Sampling(self.fes.components[0], self.points)
         tensors = self._metric, scene.fabric, lambda: self._curvature
         self._here = here = SampledCloth(self.state, self._sampling, self.points, *tensors)
@@ -56,10 +62,13 @@ class ConstrainedLagrangian(Discretisation):
             here,
             density=[self._density(here)],
             stress=[w / scene.fabric.stiffness for w in here.energy_slopes],
-            slacks=self._slacks(here),
         )
         self._work = VirtualWork(here, self._law, self._strain, self._sampling, self.points)
         self.slack_names = [limit.name for limit in scene.constraints for _ in limit.slacks(here)]
+        self._limits = [self._limits_inside()]
+        if self.slack_names:
+            self._limits.append(self._limits_on_rim(quadrature))
+        self.weights = np.concatenate([limits.weights for limits in self._limits])
         self.direction = ngs.GridFunction(self.fes)
 
         self.psi_dofs = slice(0, self.fes.Range(1).stop)
@@ -78,12 +87,14 @@ class ConstrainedLagrangian(Discretisation):
         Parameters
         ----------
         c, z, stiffness : ndarray, (slacks, points)
-            The slacks at the current state, their multipliers, and the weights of ∇c ∇cᵀ.
+            The slacks at the current state, their multipliers, and the weights of ∇c ∇cᵀ. Those on
+            the rim are left out: NGSolve has no energy of ∇ψ on the boundary.
 
         Returns
         -------
         BilinearForm
         """
+        inside = slice(len(self.points))
         trial = self.fes.TrialFunction()
         tensors = self._metric, self.scene.fabric, lambda: self._curvature
         cloth = Kinematics(gradient(*trial[:2]), *tensors)
@@ -91,7 +102,7 @@ class ConstrainedLagrangian(Discretisation):
         density = self._density(cloth) + cloth.power(strain) / self.scene.fabric.stiffness
         density *= cloth.jacobian
         for slack, *arrays in zip(self._slacks(cloth), c, z, stiffness, strict=True):
-            value, multiplier, weight = map(self.points.field, arrays)
+            value, multiplier, weight = (self.points.field(row[inside]) for row in arrays)
             limit = -multiplier * slack + weight / 2 * (slack - value) ** 2
             density += self._surface_area * limit
         return self._symbolic_energy(density)
@@ -112,16 +123,13 @@ class ConstrainedLagrangian(Discretisation):
         self._system = SaddleSystem(moving, multipliers, self.eta_flow, self.inverse)
 
     def slacks(self):
-        """Values c of all slacks at the sampling points, (slacks, points)."""
-        return self._law.values("slacks")
+        """Values c of all slacks where limits are sampled, (slacks, points)."""
+        return np.concatenate([limits.values() for limits in self._limits], axis=1)
 
     def slack_changes(self):
         """Derivatives of all slacks along ψ of `direction`, (slacks, points)."""
-        if not self.slack_names:
-            return np.empty((0, len(self.points)))
         direction = self.direction.vec.FV().NumPy()[self.psi_dofs].reshape(2, -1)
-        change = self._sampling.at_points(direction)[:, 1:].reshape(4, -1)
-        return np.einsum("sip,ip->sp", self._law.slopes("slacks"), change)
+        return np.concatenate([limits.changes(direction) for limits in self._limits], axis=1)
 
     def rigid_step(self):
         """Move ψ to where ∇ψ is nearest to R √a, R being the rotation now nearest to ∇ψ √a⁻¹.
@@ -159,10 +167,8 @@ class ConstrainedLagrangian(Discretisation):
         out : BaseVector
             Of the unknowns of `state`.
         """
-        pull = self._pull()
-        if self.slack_names:
-            pull = pull - np.einsum("sp,sip->ip", z * self.weights, self._law.slopes("slacks"))
-        out.FV().NumPy()[:] = np.concatenate([self._loads(pull), self._work.eta_force()])
+        loads = self._pull() + sum(limits.loads(*part) for limits, *part in self._by_place(z))
+        out.FV().NumPy()[:] = np.concatenate([loads, self._work.eta_force()])
 
     def hessian(self, z, stiffness):
         """The second derivative of E + work − Σ z c + ½ Σ stiffness (c − c̄)², c̄ = c frozen.
@@ -178,9 +184,15 @@ class ConstrainedLagrangian(Discretisation):
         -------
         BaseMatrix
         """
-        psi = self._sampling.blocks(self._tangent(z, stiffness)).ravel()
+        (inside, *values), *rim = self._by_place(z, stiffness)
+        tangent = self._tangent()
+        if self.slack_names:
+            tangent += inside.tangent(*values)
+        psi = [self._sampling.blocks(tangent), *(limits.blocks(*part) for limits, *part in rim)]
         coupling = self._work.coupling_blocks()
-        blocks = np.concatenate([psi, coupling.ravel(), coupling.transpose(0, 2, 1).ravel()])
+        blocks = np.concatenate(
+            [block.ravel() for block in (*psi, coupling, coupling.transpose(0, 2, 1))]
+        )
         entries = self._matrix.AsVector().FV().NumPy()
         entries[:] = np.bincount(self._places, blocks, len(entries))
         return self._matrix
@@ -248,10 +260,31 @@ class ConstrainedLagrangian(Discretisation):
         pairs = (self.flow, psi), (self.eta_flow, eta)
         return [matrix.Inverse(free, inverse="sparsecholesky") for matrix, free in pairs]
 
+    def _limits_inside(self):
+        area = self._flat_weights * self._surface_area.vec.FV().NumPy()
+        return SampledLimits(self._here, self._sampling, self._slacks(self._here), area)
+
+    def _limits_on_rim(self, degree):
+        surface, points = self.scene.surface, RimPoints(self.state.space.mesh, degree)
+        sampling = Sampling(self.fes.components[0], points)
+        metric = self._frozen_symmetric(surface.metric, points)
+        tensors = metric, self.scene.fabric, lambda: self._frozen_symmetric(curvature, points)
+        curvature, along = surface.curvature, ngs.specialcf.tangential(2)
+        cloth = SampledCloth(self.state, sampling, points, *tensors)
+        (stretch,) = points.sample(ngs.sqrt(ngs.InnerProduct(metric * along, along)))
+        length = points.weights * stretch
+        weights = RIM_SHARE * self.area / length.sum() * length
+        return SampledLimits(cloth, sampling, self._slacks(cloth), weights)
+
+    def _by_place(self, *values):
+        """The limits of each family of points, with its part of values (slacks, points)."""
+        ends = np.cumsum([len(limits.weights) for limits in self._limits])[:-1]
+        return zip(self._limits, *(np.split(all_, ends, axis=1) for all_ in values), strict=True)
+
     @of_state
     def _pull(self):
-        """Derivatives of the densities of E and work by ∇ψ, weighted, (4, points)."""
-        return self._weighted(*self._flat_density())
+        """Derivatives of E and work by ψ, (dofs of ψ,)."""
+        return self._loads(self._weighted(*self._flat_density()))
 
     def _weighted(self, density, slopes):
         """Derivatives of J times a density per flat area, with the weights of the points."""
@@ -264,25 +297,18 @@ class ConstrainedLagrangian(Discretisation):
         (energy,), (slopes,) = self._law.values("density"), self._law.slopes("density")
         return energy + self._work.density(), slopes + self._work.slopes()
 
-    def _tangent(self, z, stiffness):
-        """Second derivatives of the Lagrangian's density by ∇ψ, weighted, (4, 4, points)."""
+    def _tangent(self):
+        """Second derivatives of the density of E and work by ∇ψ, weighted, (4, 4, points)."""
         here, law, work = self._here, self._law, self._work
         jacobian, turning = (
             self._flat_weights * j for j in (here.jacobians(), here.jacobian_slopes())
         )
         density, slopes = self._flat_density()
-        sliding, slack_slopes = work.sliding(), law.slopes("slacks")
-        tangent = law.bend(
-            density=jacobian[None], stress=jacobian * sliding.entries, slacks=-z * self.weights
-        )
+        sliding = work.sliding()
+        tangent = law.bend(density=jacobian[None], stress=jacobian * sliding.entries)
         tangent += sliding.bend(jacobian * law.values("stress"))
         tangent += symmetric_products(
-            [
-                slopes,
-                *(jacobian * law.slopes("stress")),
-                *(self.weights / 2 * stiffness)[:, None] * slack_slopes,
-            ],
-            [turning, *sliding.slopes, *slack_slopes],
+            [slopes, *(jacobian * law.slopes("stress"))], [turning, *sliding.slopes]
         )
         bent = self._flat_weights * density  # d²J, of J = G11 G22 − G12 G21
         for i, j, sign in ((0, 3, 1), (3, 0, 1), (1, 2, -1), (2, 1, -1)):
@@ -295,10 +321,13 @@ class ConstrainedLagrangian(Discretisation):
 
     def _places_of_blocks(self):
         """Where in the matrix the blocks of ψ and ψ, η and ψ, ψ and η of all triangles belong."""
-        dofs = self._sampling.dofs, self._sampling.dofs, self._work.eta.dofs, self._work.eta.dofs
-        numbers = [self.fes.Range(i).start + of_one for i, of_one in enumerate(dofs)]
-        psi, eta = np.concatenate(numbers[:2], axis=1), np.concatenate(numbers[2:], axis=1)
-        pairs = (psi, psi), (eta, psi), (psi, eta)
+
+        def numbers(components, dofs):
+            return np.concatenate([self.fes.Range(i).start + dofs for i in components], axis=1)
+
+        psi, *rim = (numbers((0, 1), limits.dofs) for limits in self._limits)
+        eta = numbers((2, 3), self._work.eta.dofs)
+        pairs = (psi, psi), *((of_rim, of_rim) for of_rim in rim), (eta, psi), (psi, eta)
         return np.concatenate([places(self._matrix, *pair) for pair in pairs])
 
     @cached_property

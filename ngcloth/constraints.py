@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 from .errors import check_number
 
+RIM_SHARE = 0.04  # what the limits on the rim weigh in barriers, over those inside
+
 
 @dataclass(frozen=True)
 class Elongation:

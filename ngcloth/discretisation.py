@@ -97,15 +97,16 @@ class Discretisation:
             free.Clear(self.fes.Range(1).start)
         return free
 
-    def _frozen(self, *expressions):
-        values = self.points.sample(ngs.CF(expressions).Compile())
+    def _frozen(self, *expressions, points=None):
+        points = points or self.points
+        values = points.sample(ngs.CF(expressions).Compile())
         if not np.isfinite(values).all():
             allowed = "finite with its derivatives at all integration points"
             raise InputError("chart", self.scene.surface.chart, allowed)
-        return [self.points.field(row) for row in values]
+        return [points.field(row) for row in values]
 
-    def _frozen_symmetric(self, tensor):
-        t11, t12, t22 = self._frozen(tensor[0, 0], tensor[0, 1], tensor[1, 1])
+    def _frozen_symmetric(self, tensor, points=None):
+        t11, t12, t22 = self._frozen(tensor[0, 0], tensor[0, 1], tensor[1, 1], points=points)
         return ngs.CF((t11, t12, t12, t22), dims=(2, 2))
 
     def _density(self, cloth):

@@ -4,7 +4,9 @@ from functools import cached_property
 
 import ngsolve as ngs
 import numpy as np
-from ngsolve.comp import IntegrationRuleSpace
+from ngsolve.comp import IntegrationRuleSpace, IntegrationRuleSpaceSurface
+
+CORNERS = np.array([(1.0, 0.0), (0.0, 1.0), (0.0, 0.0)])  # of NGSolve's reference triangle
 
 
 class Points:
@@ -25,9 +27,18 @@ class Points:
     """
 
     def __init__(self, mesh, degree):
-        self._mesh, self._order = mesh, (degree + 1) // 2
-        self.space = IntegrationRuleSpace(mesh, order=self._order)
-        self.dx, self._samples = ngs.dx(intrules=self.space.GetIntegrationRules()), {}
+        self._mesh, self._order, self._samples = mesh, (degree + 1) // 2, {}
+        self.space = self._fields()
+        self.dx = self._integral(self.space.GetIntegrationRules())
+
+    def _fields(self, **flags):
+        return IntegrationRuleSpace(self._mesh, order=self._order, **flags)
+
+    def _integral(self, rules):
+        return ngs.dx(intrules=rules)
+
+    def _interpolate(self, field, expression):
+        field.Interpolate(expression)
 
     def __len__(self):
         return self.space.ndof
@@ -36,9 +47,8 @@ class Points:
         """Values of an expression, (components, points)."""
         n = expression.dim
         if n not in self._samples:  # all components in one pass, which a product of spaces is not
-            space = IntegrationRuleSpace(self._mesh, order=self._order, dim=n)
-            self._samples[n] = ngs.GridFunction(space)
-        self._samples[n].Interpolate(expression)
+            self._samples[n] = ngs.GridFunction(self._fields(dim=n))
+        self._interpolate(self._samples[n], expression)
         return np.ascontiguousarray(self._samples[n].vec.FV().NumPy().reshape(-1, n).T)
 
     def field(self, values=0.0):
@@ -53,6 +63,58 @@ class Points:
         form = ngs.LinearForm(self.space)
         form += self.space.TestFunction() * self.dx
         return form.Assemble().vec.FV().NumPy().copy()
+
+    def shapes(self, space):
+        """Shape functions of an H1 space and their numbers, as the attributes of `Sampling`."""
+        samples, triangles = self.space**3, space.mesh.ne
+        trial, test = space.TrialFunction(), samples.TestFunction()
+        form = ngs.BilinearForm(trialspace=space, testspace=samples)
+        form += ngs.CF((trial, ngs.grad(trial))) * test * self.dx
+        entries, columns, _ = (part.NumPy() for part in form.Assemble().mat.CSR())
+        weights = self.weights.reshape(triangles, -1, 1)
+        at_one = weights.shape[1]
+        shapes = entries.reshape(3, triangles, at_one, -1) / weights
+        dofs = columns.reshape(3, triangles, at_one, -1)[0, :, 0].copy()  # not the form's memory
+        return shapes.transpose(1, 0, 2, 3), dofs
+
+
+class RimPoints(Points):
+    """Points on the rim, seen from the triangles that touch it: limits hold there, too.
+
+    Weights are of integrals along the rim.
+    """
+
+    @property
+    def _rim(self):
+        return self._mesh.Boundaries("rim")
+
+    def _fields(self, **flags):
+        return IntegrationRuleSpaceSurface(
+            self._mesh, order=self._order, definedon=self._rim, **flags
+        )
+
+    def _integral(self, rules):
+        return ngs.ds(definedon=self._rim, intrules=rules)
+
+    def _interpolate(self, field, expression):
+        field.Interpolate(expression, definedon=self._rim)
+
+    def shapes(self, space):
+        """As of `Points`; with the edges on the rim, and the triangles there, for all triangles."""
+        rule = self.space.GetIntegrationRules()[ngs.ET.SEGM]
+        along = np.array(rule.points)[:, :1]
+        shapes, dofs = [], []
+        for edge in self._rim.Elements():
+            (triangle,) = self._mesh[edge.edges[0]].elements
+            corners = [vertex.nr for vertex in self._mesh[triangle].vertices]
+            begin, end = (CORNERS[corners.index(vertex.nr)] for vertex in edge.vertices)
+            element, map_to = space.GetFE(triangle), self._mesh.GetTrafo(triangle)
+            mapped = [map_to(*point) for point in along * begin + (1 - along) * end]
+            shapes.append(
+                [np.column_stack([element.CalcShape(at), element.CalcDShape(at)]) for at in mapped]
+            )
+            dofs.append(space.GetDofNrs(triangle))
+        return np.array(shapes).transpose(0, 3, 1, 2), np.array(dofs)
 
 
 class Sampling:
@@ -73,16 +135,7 @@ class Sampling:
     """
 
     def __init__(self, space, points):
-        samples, triangles = points.space**3, space.mesh.ne
-        trial, test = space.TrialFunction(), samples.TestFunction()
-        form = ngs.BilinearForm(trialspace=space, testspace=samples)
-        form += ngs.CF((trial, ngs.grad(trial))) * test * points.dx
-        entries, columns, _ = (part.NumPy() for part in form.Assemble().mat.CSR())
-        weights = points.weights.reshape(triangles, -1, 1)
-        at_one = weights.shape[1]
-        shapes = entries.reshape(3, triangles, at_one, -1) / weights
-        self.shapes = np.ascontiguousarray(shapes.transpose(1, 0, 2, 3))
-        self.dofs = columns.reshape(3, triangles, at_one, -1)[0, :, 0].copy()
+        self.shapes, self.dofs = map(np.ascontiguousarray, points.shapes(space))
         self._ndof = space.ndof
 
     def at_points(self, functions):

@@ -31,7 +31,6 @@ def solve(
     maxh=None,
     order=2,
     *,
-    rim_maxh=None,
     multiplier_order=None,
     quadrature=None,
     barrier_end=1e-3,
@@ -56,18 +55,13 @@ def solve(
         Largest element size in the parameter plane. By default 2 % of the domain's diameter.
     order : int, optional
         Polynomial order of ψ. Default 2.
-    rim_maxh : float, optional
-        Largest element size along the rim, at most `maxh`, the default. With taut threads a layer
-        along the rim leaves an error in energy and outline that is of first order in this size;
-        with ``maxh**2`` it is of second order in `maxh` on a hemisphere, for about five times as
-        many triangles.
-        Such a mesh is solved without coarser ones.
     multiplier_order : int, optional
         Polynomial order of the multiplier η of equilibrium, in scenes with constraints. By
         default that of ψ: with order 1, as in the paper, a layer one element wide along the rim
         goes unbalanced, and the energy converges only like h, from below.
     quadrature : int, optional
-        Degree of the integration rule. By default ``2 * order + 2``.
+        Degree of the integration rules, at whose points inside and along the rim limits hold. By
+        default ``2 * order + 2``.
     barrier_end : float, optional
         The barrier weight μ over kc at which a solve with constraints ends, at most 1. Default
         1e-3.
@@ -112,16 +106,16 @@ def solve(
     Notes
     -----
     Scenes with limits are solved on coarser meshes first. Each mesh is a refinement of the one
-    before, four times as fine, and each patch a start for the next; so are those of half the
-    order, down to 2. Their rows in the history are of phase "coarse", and a solve that stops there
-    returns that patch, as its ``settings["maxh"]`` and ``settings["order"]`` say.
+    before, four times as fine, and each patch a start for the next. Their rows in the history are
+    of phase "coarse", and a solve that stops there returns that patch, as its ``settings["maxh"]``
+    says.
 
     Ctrl-C ends the solve with ``Reason.INTERRUPTED`` and the last accepted step.
     """
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "an ngcloth.Scene")
     known = (
-        "maxh, order, rim_maxh, multiplier_order, quadrature, barrier_end, tolerance, max_steps, "
+        "maxh, order, multiplier_order, quadrature, barrier_end, tolerance, max_steps, "
         "max_seconds, schedule, inverse, log, callback, checkpoint, throw"
     )
     for name, value in unknown.items():
@@ -136,10 +130,6 @@ def solve(
         "max_steps": check_integer("max_steps", max_steps, 1),
         "ngsolve": ngs.__version__,
     }
-    if rim_maxh is not None:
-        settings["rim_maxh"] = check_number(
-            "rim_maxh", rim_maxh, 0, settings["maxh"], open_low=True
-        )
     for name, function in {"log": log, "callback": callback}.items():
         if not (function is None or callable(function)):
             raise InputError(name, function, "a callable of one argument, or None")
@@ -241,17 +231,14 @@ def _same_minimum(one, other):
     return near and np.abs(here - there).max() <= 1e-2 * np.abs(here).max()
 
 
-def make_mesh(scene, maxh, order, rim_maxh=None):
+def make_mesh(scene, maxh, order):
     """The curved triangulation of the scene's domain, or of its quarter.
 
     In a scene with limits it is refined from the coarser ones that are solved first. Interpolation
     between meshes that are not nested would leave their limits, and equilibrium.
     """
     face = scene.surface.domain.face(scene.symmetric)
-    if rim_maxh:
-        for edge in face.edges["rim"]:
-            edge.maxh = rim_maxh
-    levels = _coarser_levels(scene, maxh, rim_maxh)
+    levels = _coarser_levels(scene, maxh)
     mesh = OCCGeometry(face, dim=2).GenerateMesh(maxh=maxh * COARSER**levels)
     for _ in range(levels * REFINEMENTS):
         mesh.Refine()
@@ -260,22 +247,22 @@ def make_mesh(scene, maxh, order, rim_maxh=None):
     return mesh
 
 
-def _coarser_levels(scene, maxh, rim_maxh):
+def _coarser_levels(scene, maxh):
     """How many coarser meshes are solved first."""
-    if rim_maxh or not scene.constraints:
+    if not scene.constraints:
         return 0
     return max(int(np.log(COARSEST * scene.surface.domain.diameter / maxh) / np.log(COARSER)), 0)
 
 
 def _coarser(scene, settings):
     """Settings of the coarser mesh that is solved first; None if there is none."""
-    if _coarser_levels(scene, settings["maxh"], settings.get("rim_maxh")):
+    if _coarser_levels(scene, settings["maxh"]):
         return settings | {"maxh": COARSER * settings["maxh"]}
     return None
 
 
 def _discretised(scene, settings):
-    mesh = make_mesh(scene, settings["maxh"], settings["order"], settings.get("rim_maxh"))
+    mesh = make_mesh(scene, settings["maxh"], settings["order"])
     arguments = (settings[name] for name in ("order", "quadrature", "inverse"))
     if scene.in_equilibrium:
         problem = ConstrainedLagrangian(scene, mesh, *arguments, settings["multiplier_order"])

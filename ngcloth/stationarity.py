@@ -6,6 +6,7 @@ from itertools import pairwise
 import ngsolve as ngs
 import numpy as np
 
+from .constraints import RIM_SHARE
 from .kinematics import Kinematics, gradient, virtual_strain
 
 AT_REST = 1e-2  # of the stress: what may be unbalanced in a scene without limits
@@ -22,7 +23,8 @@ def _cloth(result):
 class _StationaryPoint:
     """L(ψ, η) = ∫ J W + ∫ J S : L_η a − μ Σ ∫ log c dA over kc near the ψ of a result.
 
-    Integrals are taken at the solver's own points, where alone the barrier exists.
+    Integrals are taken at the solver's own points, where alone the barrier exists. Those of the
+    barrier are over the surface, and along the rim with a weight of `RIM_SHARE` in all.
     """
 
     def __init__(self, result):
@@ -31,8 +33,9 @@ class _StationaryPoint:
         self.order = self.settings["order"]
         self.inverse = "umfpack" if self.scene.in_equilibrium else "sparsecholesky"
         self.mu = self.settings.get("barrier_end", 0.0)
-        rule = ngs.IntegrationRule(ngs.TRIG, 2 * ((self.settings["quadrature"] + 1) // 2))
-        self.dx = ngs.dx(intrules={ngs.TRIG: rule})
+        degree = 2 * ((self.settings["quadrature"] + 1) // 2)
+        self.rules = {shape: ngs.IntegrationRule(shape, degree) for shape in (ngs.TRIG, ngs.SEGM)}
+        self.dx = ngs.dx(intrules=self.rules)
         self.cloth, self.metric = _cloth(result), self.scene.surface.metric
         self.slope, self.kc = self.cloth.gradient, self.scene.fabric.stiffness
         self.root = ngs.sqrt(ngs.Det(self.metric))
@@ -40,8 +43,25 @@ class _StationaryPoint:
         cloth, cost = self.cloth, self.scene.cost
         density = cost(cloth) if cost else self.scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
         self.energy = cloth.jacobian * density / self.kc
-        points = self.mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)
-        self.interior = all((c.Compile()(points) > 0).all() for c in self.slacks)
+
+    @cached_property
+    def interior(self):
+        """Whether all limits hold at the points where they are imposed."""
+        inside = self.mesh.MapToAllElements(self.rules, ngs.VOL)
+        on_rim = self.mesh.MapToAllElements(self.rules, self.mesh.Boundaries("rim"))
+        return all(
+            (c.Compile()(inside) > 0).all() and (ngs.BoundaryFromVolumeCF(c)(on_rim) > 0).all()
+            for c in self.slacks
+        )
+
+    @cached_property
+    def barriers(self):
+        """Weights and integrals of the barrier, inside and along the rim."""
+        rim = {"definedon": self.mesh.Boundaries("rim"), "intrules": self.rules}
+        along = ngs.specialcf.tangential(2)
+        length = ngs.sqrt(ngs.InnerProduct(self.metric * along, along))
+        share = RIM_SHARE * self.area / ngs.Integrate(length * ngs.ds(**rim), self.mesh)
+        return (self.root, self.dx), (share * length, ngs.ds(skeleton=True, **rim))
 
     @cached_property
     def area(self):
@@ -59,7 +79,7 @@ class _StationaryPoint:
         """An interior point ends with stationarity and all c z − μ below μ, per area."""
         if not self.slacks:
             return AT_REST
-        return float(np.sqrt(1 + len(self.slacks)) * self.mu / self.stress)
+        return float(np.sqrt(1 + (1 + RIM_SHARE) * len(self.slacks)) * self.mu / self.stress)
 
     def tests(self):
         """The fields of the `Certificate` that are found here."""
@@ -115,12 +135,12 @@ class _StationaryPoint:
         trial, test = space.TnT()
         here, there = gradient(*trial[:2]), gradient(*test[:2])
         matrix, force = ngs.BilinearForm(space), ngs.LinearForm(space)
-        density = self.energy.Diff(self.slope, there)
+        force += self.energy.Diff(self.slope, there).Compile() * self.dx
         for c in self.slacks:
             along, across = c.Diff(self.slope, here), c.Diff(self.slope, there)
-            density -= self.mu * self.root / c * across
-            matrix += (self.root / c**2 * along * across).Compile() * self.dx
-        force += density.Compile() * self.dx
+            for weight, integral in self.barriers:
+                force += (-self.mu * weight / c * across).Compile() * integral
+                matrix += (weight / c**2 * along * across).Compile() * integral
         for u, v in zip(trial[:2], test[:2], strict=True):
             matrix += self.seminorm(u, v)
         if self.scene.in_equilibrium:
@@ -137,14 +157,15 @@ class _StationaryPoint:
         space = self.space(self.order)
         trial, test = space.TnT()
         hessian, norm = ngs.BilinearForm(space), ngs.BilinearForm(space)
-        density = self.energy
-        for c in self.slacks:
-            density -= self.mu * self.root * ngs.log(c)
+        densities = [(self.energy, self.dx)]
         if self.scene.in_equilibrium:
-            density += self.work(eta)
+            densities.append((self.work(eta), self.dx))
             hessian += self.equilibrium(trial, test)
-        change = density.Diff(self.slope, gradient(*trial[:2]))
-        hessian += change.Diff(self.slope, gradient(*test[:2])).Compile() * self.dx
+        for c in self.slacks:
+            densities += [(-self.mu * w * ngs.log(c), integral) for w, integral in self.barriers]
+        for density, integral in densities:
+            change = density.Diff(self.slope, gradient(*trial[:2]))
+            hessian += change.Diff(self.slope, gradient(*test[:2])).Compile() * integral
         for u, v in zip(trial[:2], test[:2], strict=True):
             norm += self.seminorm(u, v)
         return hessian.Assemble().mat, norm.Assemble().mat

@@ -45,7 +45,6 @@ def test_portion(portion):
 
 SETTINGS = {
     "maxh": [0, -0.1, NAN, INF, True, "fine", [0.1]],
-    "rim_maxh": [0, -0.01, 0.05, NAN, True, "fine"],
     "order": [0, -1, 2.0, 1.5, NAN, True, "2", None],
     "quadrature": [1, -3, 6.0, True, "6"],
     "tolerance": [0, -1e-6, NAN, INF, True, "tight", None],

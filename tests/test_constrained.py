@@ -20,6 +20,7 @@ from ngcloth import (
     solve,
 )
 from ngcloth.constrained import ConstrainedLagrangian
+from ngcloth.constraints import RIM_SHARE
 from ngcloth.history import Reason, Recorder
 from ngcloth.interior_point import Iterate
 from ngcloth.kinematics import Kinematics, virtual_strain
@@ -194,7 +195,10 @@ def test_slack_changes(displaced):
 
 
 def test_barrier_of_a_uniform_stretch():
-    """ψ = cθ: −μ ∫ log(1 − 1/λ) dA of λ = 2/(c (1 + ρ²)), by a quadrature in ρ alone."""
+    """ψ = cθ: −μ ∫ log(1 − 1/λ) dA of λ = 2/(c (1 + ρ²)), by a quadrature in ρ alone.
+
+    The rim, where λ = 1/c, counts as a part `RIM_SHARE` of the area.
+    """
     c, mu = 0.5, 0.3
     scene = Scene(hemisphere().surface, Net(), (Elongation(),), start=(c, c), symmetric=True)
     problem = discretised(scene, maxh=0.25, order=4, quadrature=12)
@@ -203,7 +207,8 @@ def test_barrier_of_a_uniform_stretch():
     rho = (nodes + 1) / 2
     conformal = 4 / (1 + rho**2) ** 2
     integrand = 2 * np.log(1 - c * (1 + rho**2) / 2) * conformal * 2 * np.pi * rho
-    expected = -mu * (weights / 2) @ integrand
+    rim = RIM_SHARE * 2 * np.pi * 2 * np.log(1 - c)
+    expected = -mu * ((weights / 2) @ integrand + rim)
     assert 4 * (iterate.lagrangian() - problem.cost()) == pytest.approx(expected, rel=1e-6)
 
 
@@ -356,9 +361,9 @@ def test_barrier_bias_falls_like_mu():
     assert bias[1] < 1e-3 * energies[-1]
 
 
-def assert_solved(result, slack=1e-2, shear=1.0):
+def assert_solved(result, slack=1e-2, shear=1.0, steps=60):
     """Converged swiftly, not folded, and feasible between the sampling points up to `slack`."""
-    assert result.converged and result.newton_iterations <= 60
+    assert result.converged and result.newton_iterations <= steps
     extrema = result.extrema
     assert extrema["jacobian"][0] > 0
     assert min(extrema["stretch1"][0], extrema["stretch2"][0]) >= 1 - slack
@@ -368,12 +373,13 @@ def assert_solved(result, slack=1e-2, shear=1.0):
 @pytest.mark.parametrize(
     "ks, energy, stretch, slack",
     [
-        (1.0, (0.182, 0.003), (1.225, 0.015), 0.01),
-        (10.0, (0.878, 0.015), (1.617, 0.02), 0.015),
-        (100.0, (1.368, 0.03), (1.81, 0.04), 0.025),
+        (1.0, (0.18417, 0.001), (1.231, 0.005), 0.01),
+        (10.0, (0.8984, 0.006), (1.625, 0.006), 0.01),
+        (100.0, (1.4087, 0.008), (1.821, 0.006), 0.015),
     ],
 )
 def test_hemisphere(ks, energy, stretch, slack):
+    """Energies are the limits of orders 4 and 6; stretches those of maxh 0.05."""
     coarse, fine = solved(ks, 0.3), solved(ks, 0.15)
     assert_solved(coarse, 3 * slack)
     assert_solved(fine, slack)
@@ -403,7 +409,7 @@ def test_sphere_with_shear_limit():
     limit = float(np.cos(np.pi / 6))
     result = solve(sphere(0.6, shear_limit=limit), maxh=0.15, barrier_end=1e-5)
     assert_solved(result, shear=limit)
-    assert result.normalized_energy == pytest.approx(4.189e-4, rel=5e-3)
+    assert result.normalized_energy == pytest.approx(4.598e-4, rel=5e-3)
     assert result.extrema["shear"][1] > 0.98 * limit  # it binds
 
 
@@ -428,7 +434,7 @@ def test_obstacle():
     """Unless τ ≥ 0 is asked for, the surface pulls the cloth somewhere; asking costs energy."""
     free = solve(hemicatenoid(10.0), maxh=0.4)
     result = solve(hemicatenoid(10.0, obstacle=True), maxh=0.4)
-    assert_solved(result, 0.05)
+    assert_solved(result, 0.05, steps=90)
     assert_strictly_feasible(result)
     assert free.extrema["reaction"][0] < -5 and result.extrema["reaction"][0] > -1
     assert result.normalized_energy > 1.1 * free.normalized_energy
@@ -483,7 +489,7 @@ def nearly_inextensible(factor):
 
 
 def test_limits_that_leave_no_equilibrium_are_not_called_solved():
-    """1 ≤ λ ≤ 1.4 where the patch in equilibrium needs 1.6 at the pole.
+    """1 ≤ λ ≤ 1.35 where the patch in equilibrium needs 1.6 at the pole.
 
     The start respects both limits, out of equilibrium. The solve has to give up, well within the
     budget, with a patch that is not folded.
@@ -491,7 +497,7 @@ def test_limits_that_leave_no_equilibrium_are_not_called_solved():
     scene = Scene(
         hemisphere().surface,
         Net(ks=10.0),
-        (Elongation(), Longest(1.4)),
+        (Elongation(), Longest(1.35)),
         start=nearly_inextensible(0.85),
         symmetric=True,
     )

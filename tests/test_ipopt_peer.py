@@ -47,7 +47,7 @@ def disturbed(demo, scene, maxh, orders):
     """A discretised scene and its program at a patch that is nothing special."""
     order, multiplier_order = orders
     problem = demo.discretise(scene, maxh, order, multiplier_order, 2 * order + 2)
-    program = demo.Program(problem)
+    program = demo.Program(problem, 2 * order + 2)
     random = np.random.default_rng(1)
     x = program.start + 1e-3 * random.standard_normal(program.start.size)
     problem.state.vec.FV().NumPy()[program.unknowns] = x

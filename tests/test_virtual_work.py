@@ -7,7 +7,7 @@ from test_constrained import TAYLOR, derivative, discretised, vector
 
 import ngcloth
 from ngcloth import Elongation, Scene
-from ngcloth.sampling import Sampling
+from ngcloth.sampling import RimPoints, Sampling
 
 
 class Felt:
@@ -52,10 +52,11 @@ def dense(matrix):
 
 
 def test_lagrangian_is_that_of_the_symbolic_energy(displaced):
-    """Value, forces and matrix are those of NGSolve's automatic linearisation."""
+    """Value, forces and matrix, limits on the rim aside, are those of NGSolve's linearisation."""
     problem = displaced
     c, draw = problem.slacks(), np.random.default_rng(4)
     z, stiffness = draw.uniform(0, 1, c.shape), draw.uniform(0, 1, c.shape)
+    z[:, len(problem.points) :] = stiffness[:, len(problem.points) :] = 0  # on the rim
     energy = problem.symbolic_energy(c, z, stiffness)
     assert abs(problem.work()) > 1e-3
     value = problem.cost() + problem.work() - (problem.weights * z * c).sum()
@@ -101,3 +102,17 @@ def test_sampling(displaced):
     assert (sampling.transposed(loads) * values).sum() == pytest.approx(there.sum())
     derivatives = sampling.transposed(loads[:, 1:])
     assert (derivatives * values).sum() == pytest.approx(there[:, 1:].sum())
+
+
+def test_points_on_the_rim(displaced):
+    """Values and derivatives are those of NGSolve in the triangles there, weights are lengths."""
+    problem = displaced
+    function, mesh = problem.state.components[0], problem.fes.mesh
+    points, along = RimPoints(mesh, 6), mesh.Boundaries("rim")
+    (samples,) = Sampling(function.space, points).at_points([function.vec.FV().NumPy()])
+    expected = points.sample(ngs.BoundaryFromVolumeCF(ngs.CF((function, ngs.grad(function)))))
+    assert samples == pytest.approx(expected, abs=1e-12)
+    (x,) = points.sample(ngs.x)
+    assert points.weights @ x**2 == pytest.approx(
+        ngs.Integrate(ngs.x**2 * ngs.ds(definedon=along, bonus_intorder=6), mesh), rel=1e-6
+    )

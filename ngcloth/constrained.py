@@ -167,8 +167,8 @@ class ConstrainedLagrangian(Discretisation):
         out : BaseVector
             Of the unknowns of `state`.
         """
-        loads = self._pull() + sum(limits.loads(*part) for limits, *part in self._by_place(z))
-        out.FV().NumPy()[:] = np.concatenate([loads, self._work.eta_force()])
+        force = self._psi_force() + sum(limits.loads(*part) for limits, *part in self._by_place(z))
+        out.FV().NumPy()[:] = np.concatenate([force, self._work.eta_force()])
 
     def hessian(self, z, stiffness):
         """The second derivative of E + work − Σ z c + ½ Σ stiffness (c − c̄)², c̄ = c frozen.
@@ -279,10 +279,10 @@ class ConstrainedLagrangian(Discretisation):
     def _by_place(self, *values):
         """The limits of each family of points, with its part of values (slacks, points)."""
         ends = np.cumsum([len(limits.weights) for limits in self._limits])[:-1]
-        return zip(self._limits, *(np.split(all_, ends, axis=1) for all_ in values), strict=True)
+        return zip(self._limits, *(np.split(value, ends, axis=1) for value in values), strict=True)
 
     @of_state
-    def _pull(self):
+    def _psi_force(self):
         """Derivatives of E and work by ψ, (dofs of ψ,)."""
         return self._loads(self._weighted(*self._flat_density()))
 

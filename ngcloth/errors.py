@@ -22,6 +22,10 @@ class InputError(ValueError):
         super().__init__(f"{argument} = {value!r}: {allowed}")
         self.argument, self.value, self.allowed = argument, value, allowed
 
+    def __reduce__(self):
+        # By default an exception is made anew from its message alone, which ends process pools.
+        return type(self), (self.argument, self.value, self.allowed)
+
 
 class SolveError(RuntimeError):
     """A solve that did not converge, under ``throw=True``; ``result`` is its last good iterate."""

@@ -1,5 +1,6 @@
 """Whatever a solve cannot work with is refused by name, with its value, before any mesh is made."""
 
+import pickle
 import sys
 
 import ngsolve as ngs
@@ -30,6 +31,13 @@ def refused(argument, value, call, *arguments, **options):
     assert str(value) in str(error.value)
     assert str(error.value).startswith(f"{argument} = ")
     return error.value
+
+
+def test_an_input_error_crosses_processes():
+    """Raised in a pool of processes it would else end the pool."""
+    error = pickle.loads(pickle.dumps(InputError("maxh", -1.0, "0 < maxh")))
+    assert (error.argument, error.value, error.allowed) == ("maxh", -1.0, "0 < maxh")
+    assert "maxh = -1.0" in str(error)
 
 
 def test_good_input_goes_on_to_the_mesh():

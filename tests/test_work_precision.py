@@ -11,7 +11,7 @@ sys.path.insert(0, str(DEMOS))  # the demo imports its helpers as a script does
 import measuring
 import work_precision as demo
 
-TINY = {"hemisphere, ks = 1": ((0.4,), (), ((0.5, None), (0.4, None)), (0.4,))}
+TINY = {"hemisphere, ks = 1": ((0.4,), (), (0.5, 0.4), (0.4,))}
 
 
 @pytest.fixture(scope="module")

@@ -335,9 +335,9 @@ MINIMA = [
     "less energy than the paper's, (0.1, 0.1), on the same mesh: to the same patch, or to a higher "
     "minimum. The whole sphere has another mesh than the quarter.",
     "",
-    "*Obstacle.* From ks/kc = 70 on every start leads to a patch that is turned by 15° to 16°, one "
+    "*Obstacle.* From ks/kc = 70 on every start leads to a patch that is turned by 13° to 16°, one "
     "of a pair that are mirror images but for the mesh. A patch that keeps the symmetry of the "
-    "surface has more energy: 0.365 at ks/kc = 100, h = 0.5. At ks/kc = 1 they are turned by 4° "
+    "surface has more energy: 0.368 at ks/kc = 100, h = 0.5. At ks/kc = 1 they are turned by 4° "
     "to 6°, by another angle on each mesh, and differ by a few per cent in energy: the angle is "
     "hardly determined.",
 ]

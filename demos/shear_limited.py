@@ -10,9 +10,8 @@ Small portions stay below the limit, and all but keep the energy zero of the Che
 ones meet it; there a larger surface takes longer threads, but these are stretched more, so that
 the flat patch grows with p and then shrinks. The paper says that it is largest near p = 0.85.
 
-For p ≥ 0.8 there are several local minima: which one is found depends on the start and the mesh.
-For p = 0.85 and maxh = 0.15, E/(2π kc) is 0.995 from the start of the paper, ψ = 0.1 θ, and 1.569
-from ψ = 0.5 θ. The table gives each portion at two mesh sizes, and says where they are far apart.
+For p ≥ 0.8 there are several local minima, and which one is found depends on the mesh. The table
+gives each portion at two mesh sizes, and says where they are far apart.
 """
 
 import sys

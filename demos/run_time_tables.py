@@ -55,15 +55,15 @@ def against_paper(rows):
     for other in [row for row in rows if row["curve"] == PAPER]:
         ours = select(rows, other["scene"], DEFAULT, other["maxh"])
         if ours:
-            done, seconds = other["reason"] == "CONVERGED", other["cpu_seconds"]
+            ratio = other["cpu_seconds"] / ours[0]["cpu_seconds"]
             yield {
                 "scene": other["scene"],
                 "maxh": other["maxh"],
                 "steps, ngcloth": steps(ours[0]),
                 "steps, paper": steps(other),
                 "seconds, ngcloth": f"{ours[0]['cpu_seconds']:.2f}",
-                "seconds, paper": f"{seconds:.2f}",
-                "ratio": f"{'' if done else '> '}{seconds / ours[0]['cpu_seconds']:.0f}",
+                "seconds, paper": f"{other['cpu_seconds']:.2f}",
+                "ratio": _unless_stalled(other, f"{ratio:.0f}", "> "),
             }
 
 
@@ -74,12 +74,15 @@ def in_short(rows):
         taken, last = steps(ours), ours["last_mesh_steps"]
         if last < ours["newton_steps"]:
             taken += f", of which {last} on this mesh"
+        spent = "–"
+        if paper:
+            spent = _unless_stalled(paper, f"{paper['cpu_seconds']:.2g}", "more than ")
         return {
             "one thread": name,
             "Newton steps": taken,
             "seconds": f"{ours['cpu_seconds']:.2g}",
             "IPOPT": f"{peer['newton_steps']} steps, {peer['cpu_seconds']:.2g}" if peer else "–",
-            "the paper's schedule": _seconds(paper) if paper else "–",
+            "the paper's schedule": spent,
         }
 
     for goal in (1e-7, 1e-12):
@@ -94,9 +97,9 @@ def in_short(rows):
                        for m in (papers, peers)))  # fmt: skip
 
 
-def _seconds(row):
-    more = "" if row["reason"] == "CONVERGED" else "more than "
-    return f"{more}{row['cpu_seconds']:.2g}"
+def _unless_stalled(row, text, more):
+    """The text; after `more` if the row ran out of time, and another one if it gave up."""
+    return {"CONVERGED": text, "CALLBACK": more + text}.get(row["reason"], "stalls")
 
 
 def fastest(rows, goal, by_paper=False):

@@ -119,22 +119,23 @@ libraries; the best of three where a solve takes less than half a second. They h
 result for ngcloth, the flattening of its start, and the solves on coarser meshes with which it
 begins; for IPOPT, which begins on the mesh itself and at the scene's start, made feasible, neither
 set-up nor the compilation of its kernels, which the last ratio counts as well, by the clock on the
-wall. A factorisation that only raises 1/Δt counts as a Newton step of ngcloth, not of IPOPT. A
-step on a coarser mesh counts like any other in "steps", and not in those "on the finest mesh". Peak
+wall. A factorisation that only raises 1/Δt counts as a Newton step of ngcloth, not of IPOPT. A step
+on a coarser mesh counts like any other in "steps", and not in those "on the finest mesh". Peak
 memory is that of the process, imports included; exponents of memory are of what exceeds them. IPOPT
 runs at order 2 only, with options found best on these scenes (exact derivatives, adaptive barrier,
 MUMPS, kernels in C where there is a compiler); no other program is timed. Nothing was tuned scene
-by scene for ngcloth. The paper's schedule is ngcloth's own implementation of it; with limits it is
-cut off after {budget:g} seconds, and not run on three scenes, {left_out},
-where it did not converge within them, nor from turned starts. Two threads are timed on three scenes
-only, by the clock on the wall, and mean something only where both cores are idle: NGSolve's threads
-wait for each other spinning, and a busy core makes them many times slower than one. All else is of
-one thread, in CPU seconds; of cold starts only one is timed, by the clock on the wall. Meshes are
-uniform. Orders are 2 and 4, and 6 and 8 on the exact net. With limits,
-the finest meshes have 15 000 triangles at ks = 1, and fewer elsewhere. At the default barrier,
-1e-3, errors do not fall below what this barrier shifts; where a scene has several minima, as with
-the obstacle, meshes and solvers may end in different ones, and a row is then as far from the
-reference as the minima are. Energies below 1e-17 mean zero."""
+by scene for ngcloth. The paper's schedule is ngcloth's own implementation of it, with the same
+limits, on the rim as well; it is then cut off after {budget:g} seconds, and not run on three
+scenes, {left_out}, where it did not converge within them, nor from turned starts. It "stalls" where
+Newton's method fails in one of its time steps. Two threads are timed on three scenes only, by the
+clock on the wall, and mean something only where both cores are idle: NGSolve's threads wait for
+each other spinning, and a busy core makes them many times slower than one. All else is of one
+thread, in CPU seconds; of cold starts only one is timed, by the clock on the wall. Meshes are
+uniform. Orders are 2 and 4, and 6 and 8 on the exact net. With limits, the finest meshes have 15
+000 triangles at ks = 1, and fewer elsewhere. At the default barrier, 1e-3, errors do not fall below
+what this barrier shifts; where a scene has several minima, as with the obstacle, meshes and solvers
+may end in different ones, and a row is then as far from the reference as the minima are. Energies
+below 1e-17 mean zero."""
 
 
 def jobs(scene, meshes):

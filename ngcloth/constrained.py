@@ -62,10 +62,12 @@ class ConstrainedLagrangian(Discretisation):
             here,
             density=[self._density(here)],
             stress=[w / scene.fabric.stiffness for w in here.energy_slopes],
+            slacks=self._slacks(here),
         )
         self._work = VirtualWork(here, self._law, self._strain, self._sampling, self.points)
         self.slack_names = [limit.name for limit in scene.constraints for _ in limit.slacks(here)]
-        self._limits = [self._limits_inside()]
+        area = self._flat_weights * self._surface_area.vec.FV().NumPy()
+        self._limits = [SampledLimits(self._law, self._sampling, area)]
         if self.slack_names:
             self._limits.append(self._limits_on_rim(quadrature))
         self.weights = np.concatenate([limits.weights for limits in self._limits])
@@ -184,11 +186,11 @@ class ConstrainedLagrangian(Discretisation):
         -------
         BaseMatrix
         """
-        (inside, *values), *rim = self._by_place(z, stiffness)
-        tangent = self._tangent()
-        if self.slack_names:
-            tangent += inside.tangent(*values)
-        psi = [self._sampling.blocks(tangent), *(limits.blocks(*part) for limits, *part in rim)]
+        inside, *rim = self._by_place(z, stiffness)
+        psi = [
+            self._sampling.blocks(self._tangent(*inside)),
+            *(limits.blocks(*values) for limits, *values in rim),
+        ]
         coupling = self._work.coupling_blocks()
         blocks = np.concatenate(
             [block.ravel() for block in (*psi, coupling, coupling.transpose(0, 2, 1))]
@@ -260,10 +262,6 @@ class ConstrainedLagrangian(Discretisation):
         pairs = (self.flow, psi), (self.eta_flow, eta)
         return [matrix.Inverse(free, inverse="sparsecholesky") for matrix, free in pairs]
 
-    def _limits_inside(self):
-        area = self._flat_weights * self._surface_area.vec.FV().NumPy()
-        return SampledLimits(self._here, self._sampling, self._slacks(self._here), area)
-
     def _limits_on_rim(self, degree):
         surface, points = self.scene.surface, RimPoints(self.state.space.mesh, degree)
         sampling = Sampling(self.fes.components[0], points)
@@ -274,7 +272,8 @@ class ConstrainedLagrangian(Discretisation):
         (stretch,) = points.sample(ngs.sqrt(ngs.InnerProduct(metric * along, along)))
         length = points.weights * stretch
         weights = RIM_SHARE * self.area / length.sum() * length
-        return SampledLimits(cloth, sampling, self._slacks(cloth), weights)
+        law = SampledExpressions(cloth, slacks=self._slacks(cloth))
+        return SampledLimits(law, sampling, weights)
 
     def _by_place(self, *values):
         """The limits of each family of points, with its part of values (slacks, points)."""
@@ -297,15 +296,16 @@ class ConstrainedLagrangian(Discretisation):
         (energy,), (slopes,) = self._law.values("density"), self._law.slopes("density")
         return energy + self._work.density(), slopes + self._work.slopes()
 
-    def _tangent(self):
-        """Second derivatives of the density of E and work by ∇ψ, weighted, (4, 4, points)."""
+    def _tangent(self, limits, z, stiffness):
+        """Second derivatives by ∇ψ of what is integrated inside, weighted, (4, 4, points)."""
         here, law, work = self._here, self._law, self._work
         jacobian, turning = (
             self._flat_weights * j for j in (here.jacobians(), here.jacobian_slopes())
         )
         density, slopes = self._flat_density()
         sliding = work.sliding()
-        tangent = law.bend(density=jacobian[None], stress=jacobian * sliding.entries)
+        weights = {"density": jacobian[None], "stress": jacobian * sliding.entries}
+        tangent = limits.tangent(z, stiffness, **weights)
         tangent += sliding.bend(jacobian * law.values("stress"))
         tangent += symmetric_products(
             [slopes, *(jacobian * law.slopes("stress"))], [turning, *sliding.slopes]

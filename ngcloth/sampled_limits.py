@@ -1,8 +1,8 @@
-"""The limits at one family of sampling points, and their derivatives by ∇ψ."""
+"""The limits at one family of sampling points, and their derivatives by ψ."""
 
 import numpy as np
 
-from .sampled_cloth import SampledExpressions, symmetric_products
+from .sampled_cloth import symmetric_products
 
 
 class SampledLimits:
@@ -10,11 +10,10 @@ class SampledLimits:
 
     Parameters
     ----------
-    cloth : SampledCloth
+    law : SampledExpressions
+        Its "slacks" are c.
     sampling : Sampling
         Of a component of ψ.
-    slacks : list of CoefficientFunction
-        In what the cloth offers.
     weights : ndarray, (points,)
         With which each point counts.
 
@@ -24,9 +23,9 @@ class SampledLimits:
         Numbers of the unknowns of a component of ψ that `blocks` belong to.
     """
 
-    def __init__(self, cloth, sampling, slacks, weights):
-        self._sampling, self.dofs, self.weights = sampling, sampling.dofs, weights
-        self._law = SampledExpressions(cloth, slacks=slacks)
+    def __init__(self, law, sampling, weights):
+        self._law, self._sampling = law, sampling
+        self.dofs, self.weights = sampling.dofs, weights
 
     def values(self):
         """Values c, (slacks, points)."""
@@ -42,11 +41,22 @@ class SampledLimits:
         pull = -np.einsum("sp,sip->ip", z * self.weights, self._law.slopes("slacks"))
         return self._sampling.transposed(pull.reshape(2, 2, -1)).ravel()
 
-    def tangent(self, z, stiffness):
-        """Second derivatives of −Σ z c + ½ Σ stiffness (c − c̄)² by ∇ψ, weighted, (4, 4, points)."""
+    def tangent(self, z, stiffness, **others):
+        """Second derivatives of −Σ z c + ½ Σ stiffness (c − c̄)² by ∇ψ, weighted, (4, 4, points).
+
+        Parameters
+        ----------
+        z, stiffness : ndarray, (slacks, points)
+            The multipliers, and the weights of ∇c ∇cᵀ.
+        **others : ndarray, (expressions of this name, points)
+            Weights of what else the law has, whose second derivatives are added.
+        """
+        tangent = self._law.bend(slacks=-z * self.weights, **others)
         slopes = self._law.slopes("slacks")
-        half = (self.weights / 2 * stiffness)[:, None] * slopes
-        return self._law.bend(slacks=-z * self.weights) + symmetric_products(half, slopes)
+        if len(slopes):
+            half = (self.weights / 2 * stiffness)[:, None] * slopes
+            tangent += symmetric_products(half, slopes)
+        return tangent
 
     def blocks(self, z, stiffness):
         """The same by the ψ of each triangle, as of `Sampling.blocks`."""

@@ -6,7 +6,7 @@ Pinned along its rim, the cloth touches the surface all over only where the surf
     such that  τ = −2 S : b ≥ 0, λ1 ≥ 1, λ2 ≥ 1, and the cloth is in equilibrium.
 
 Without τ ≥ 0 the best patch is symmetric, and is pulled along parts of its rim. With it the problem
-has several solutions. Where shear is stiff the lowest are turned by about 15° either way, mirror
+has several solutions. Where shear is stiff the lowest are turned by 13° to 15° either way, mirror
 images of each other up to the mesh, and the paper's start, ψ = (0.3 θ1, 0.4 θ2), leads to one of
 them, be it turned in its plane or not; the symmetric patch has more energy. `ngcloth.minima` tries
 several starts; the figures show the lowest of what came out.
@@ -15,7 +15,7 @@ The angle of a patch is that by which the mean of ∇ψ turns, in (−45°, 45°
 weft turns a patch by 90°. The mesh has no symmetry; on coarse ones E moves by some per cent with
 the mesh, and so do the two mirror images against each other.
 
-    python demos/obstacle.py            # some minutes
+    python demos/obstacle.py            # a minute
 """
 
 import sys
@@ -141,17 +141,17 @@ def figures(results, free, out):
 
     stiff = [ratio for ratio in best if ratio > 1]
     figure, axes = plt.subplots(
-        1, len(stiff), figsize=(3.6 * len(stiff), 3.2), layout="constrained", squeeze=False
+        1, len(stiff), figsize=(4.2 * len(stiff), 3.6), layout="constrained", squeeze=False
     )
     for ax, ratio in zip(axes[0], stiff, strict=True):
         reaction(ax, best[ratio])
-        ax.set_title(f"$k_s/k_c$ = {ratio:g}, turned by {abs(rotation(best[ratio])):.1f}°")
+        ax.set_title(f"$k_s/k_c$ = {ratio:g}\nturned by {abs(rotation(best[ratio])):.1f}°")
     figure.savefig(out / "fig13_patches.png", dpi=120)
 
     figure, ax = plt.subplots(figsize=(5, 3.6), layout="constrained")
     points = [(ratio, abs(rotation(r))) for ratio, found in results.items() for r in found]
     ax.plot(*zip(*points, strict=True), "o", fillstyle="none", label="other starts")
-    ax.plot(list(best), [abs(rotation(r)) for r in best.values()], "k.-", label="lowest energy")
+    ax.plot(list(best), [abs(rotation(r)) for r in best.values()], "k.", label="lowest energy")
     ax.set(xlabel="$k_s/k_c$", ylabel="angle of the patch [°]")
     ax.legend(fontsize="small")
     figure.savefig(out / "fig13_rotation.png", dpi=120)

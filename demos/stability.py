@@ -13,18 +13,23 @@ the barrier ends, the limits, the surface, the chart, the mesh, the order or the
 the solve ended, what it cost, and what the certificate (`ngcloth.verify`) makes of the patch. A row
 runs in a process of its own with a limit on its time, so that a crash or a hang is a row too.
 
+Where Newton steps grow by a factor 3 or more over an axis, is it the solver or the problem? With
+the extra `bench`, IPOPT solves the rows of that axis too.
+
 Run from the repository (Linux or macOS):
 
     python demos/stability.py            # a quarter of an hour; writes docs/stability.{md,csv}
 """
 
 import csv
+import importlib.util
 import multiprocessing
 import platform
 import re
 import resource
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import ngsolve as ngs
@@ -37,19 +42,24 @@ import ngcloth
 PATIENCE = 5  # a row that computes nothing is ended after so many times its limit
 COLUMNS = (
     "axis value expected outcome newton_steps seconds triangles energy stretch_min stretch_max "
-    "shear_max certificate peak_megabytes"
+    "shear_max certificate peak_megabytes ipopt_steps"
 ).split()
+STEEP = 3  # growth of Newton steps over an axis from which on IPOPT solves its rows, too
+PEER_SECONDS = 300  # limit of a row for IPOPT
 WRONG = ("folded", "not stationary", "the rim meets itself", "not finite")
 
 
 # One row ----------------------------------------------------------------------------------------
 
 
-def run(case):
-    """The row of a case, solved in a process of its own that is ended at the limit."""
+def run(case, work=None):
+    """The row of a case, of a process of its own that is ended at the limit.
+
+    There `work` sends, of a case, parts of the row; by default those of ngcloth's solve.
+    """
     fork = multiprocessing.get_context("fork")
     here, there = fork.Pipe(duplex=False)
-    process = fork.Process(target=_work, args=(case, there))
+    process = fork.Process(target=_work, args=(case, there, work or _solve))
     row = dict.fromkeys(COLUMNS, "") | {name: getattr(case, name) for name in COLUMNS[:3]}
     late = f"not ended in {case.limit} s"
     row |= {"outcome": late, "certificate": late}
@@ -71,13 +81,17 @@ def run(case):
     return row
 
 
-def _work(case, pipe):
-    """Send the row of a case, then its certificate."""
+def _work(case, pipe, work):
     resource.setrlimit(resource.RLIMIT_CPU, (case.limit, case.limit + 5))
     ngs.SetNumThreads(1)
+    work(case, pipe)
+
+
+def _solve(case, pipe):
+    """Send the row of a case, then its certificate."""
     begin = time.process_time()
     try:
-        result = ngcloth.solve(case.make(), **({"maxh": 0.25} | case.settings))
+        result = ngcloth.solve(case.make(), **_settings(case))
     except Exception as error:
         text = re.sub(" at 0x[0-9a-f]+", "", " ".join(str(error).split()))
         pipe.send({"outcome": f"{type(error).__name__}: {text}", "certificate": ""})
@@ -111,6 +125,41 @@ def _certificate(result):
     if not np.isfinite([result.normalized_energy, *np.ravel(list(result.extrema.values()))]).all():
         faults = ["not finite", *faults]
     return "; ".join(sorted(faults, key=lambda text: not text.startswith(WRONG))) or "certified"
+
+
+def _settings(case):
+    return {"maxh": 0.25} | case.settings
+
+
+def peer_steps(case):
+    """IPOPT's steps for a case, or why there are none."""
+    row = run(replace(case, limit=PEER_SECONDS), _solve_by_peer)
+    return row["ipopt_steps"] or row["outcome"]
+
+
+def _solve_by_peer(case, pipe):
+    from ipopt_peer import solve_with_ipopt
+
+    try:
+        outcome = solve_with_ipopt(case.make(), **_settings(case))
+    except ngcloth.InputError as error:  # the start has no feasible multiple
+        pipe.send({"ipopt_steps": f"refuses {error.argument}"})
+        return
+    solved = outcome.result.converged
+    pipe.send({"ipopt_steps": outcome.result.newton_iterations if solved else outcome.status})
+
+
+def for_peer(rows, chosen):
+    """The rows, with their cases, of axes over which Newton steps grow, that IPOPT may solve.
+
+    It goes to the optimum, whatever the `barrier_end`, and needs a limit to respect.
+    """
+    steep = [axis for axis, (low, high) in growth(rows).items() if high >= STEEP * low]
+    return [
+        (row, case)
+        for row, case in zip(rows, chosen, strict=True)
+        if case.axis in steep and "barrier_end" not in case.settings and case.make().constraints
+    ]
 
 
 # The page --------------------------------------------------------------------------------------
@@ -149,12 +198,13 @@ def failed(row):
     return wrong(row) or row["outcome"] != "CONVERGED"
 
 
-def growth(rows):
-    """Least and greatest Newton count of the converged rows of each axis: {axis: (min, max)}."""
+def growth(rows, column="newton_steps"):
+    """Least and greatest count of the converged rows of each axis: {axis: (min, max)}."""
     counts = {}
     for row in rows:
-        if row["expected"] == SOLVES and row["outcome"] == "CONVERGED":
-            counts.setdefault(row["axis"], []).append(row["newton_steps"])
+        solved = row["outcome"] == "CONVERGED" and isinstance(row[column], int)
+        if row["expected"] == SOLVES and solved:
+            counts.setdefault(row["axis"], []).append(row[column])
     return {axis: (min(steps), max(steps)) for axis, steps in counts.items()}
 
 
@@ -166,8 +216,8 @@ def summary(rows):
     solved = [row for row in posed if row["outcome"] == "CONVERGED"]
     certified = [row for row in solved if row["certificate"] == "certified"]
     steps = growth(rows)
-    steep = sum(high >= 3 * low for low, high in steps.values())
-    return [
+    steep = sum(high >= STEEP * low for low, high in steps.values())
+    told = [
         f"{len(rows)} rows, {len(posed)} of them well posed: {len(solved)} converge "
         f"({100 * len(solved) / max(len(posed), 1):.1f} %).",
         f"Of those {len(certified)} are certified on their coarse meshes, and "
@@ -177,8 +227,18 @@ def summary(rows):
         f"{sum(not failed(row) for row in ill)} of {len(ill)} rows that may have no solution end "
         f"with a reason, {sum(not failed(row) for row in bad)} of {len(bad)} bad inputs are "
         "refused.",
-        f"Newton counts grow by less than 3 over {len(steps) - steep} of {len(steps)} axes.",
+        f"Newton counts grow by less than {STEEP} over {len(steps) - steep} of {len(steps)} axes.",
     ]
+    both = [row for row in rows if isinstance(row["ipopt_steps"], int)]
+    if both:
+        peer = growth(both, "ipopt_steps")
+        more = sum(row["newton_steps"] > row["ipopt_steps"] for row in both)
+        told.append(
+            f"On {len(peer)} of the other axes IPOPT solved the same rows: its counts grow by less "
+            f"than {STEEP} over {sum(high < STEEP * low for low, high in peer.values())} of them. "
+            f"ngcloth takes more steps than IPOPT in {more} of {len(both)} rows."
+        )
+    return told
 
 
 def page(rows):
@@ -204,18 +264,34 @@ def page(rows):
         why = EXPLANATIONS.get((row["axis"], row["value"]), "Not explained yet.")
         lines.append(f"- **{row['axis']}: {row['value']}**: {_outcome(row)}. {why}")
     lines += ["None." if not failures else "", "", "## Newton steps over each axis", ""]
-    lines += ["| axis | least | greatest | growth |", "|---|---|---|---|"]
+    head = "axis", "least", "greatest", "growth", "IPOPT, least", "greatest", "growth"
+    lines += [_table_row(head), _table_row(["---"] * len(head))]
+    peer = growth(rows, "ipopt_steps")
     lines += [
-        f"| {axis} | {low} | {high} | {high / low:.1f} |"
-        for axis, (low, high) in growth(rows).items()
+        _table_row([axis, *_span(steps), *_span(peer.get(axis))])
+        for axis, steps in growth(rows).items()
+    ]
+    lines += [
+        "",
+        f"IPOPT, on the same discrete problem, solves the rows of axes with a growth of {STEEP} or "
+        "more that have limits, at any order; not those of `barrier_end`, as it always goes to the "
+        "optimum, where ngcloth ends at a barrier of 1e-3.",
     ]
     lines += ["", "## All rows", ""]
-    head = "value ends Newton seconds triangles E/2πkc λ \\|γ\\| MB certificate".split()
+    head = "value ends Newton IPOPT seconds triangles E/2πkc λ \\|γ\\| MB certificate".split()
     for axis in dict.fromkeys(row["axis"] for row in rows):
         lines += [f"### {axis}", "", _table_row(head), _table_row(["---"] * len(head))]
         lines += [_table_row(_cells(row)) for row in rows if row["axis"] == axis]
         lines.append("")
     return "\n".join(lines)
+
+
+def _span(steps):
+    """Least, greatest and growth as cells."""
+    if steps is None:
+        return [""] * 3
+    low, high = steps
+    return [str(low), str(high), f"{high / low:.1f}"]
 
 
 def _outcome(row):
@@ -225,11 +301,12 @@ def _outcome(row):
 
 def _cells(row):
     if row["energy"] == "":
-        return [row["value"], row["outcome"], *[""] * 8]
+        return [row["value"], row["outcome"], *[""] * 9]
     return [
         row["value"],
         row["outcome"],
         str(row["newton_steps"]),
+        str(row["ipopt_steps"]),
         f"{row['seconds']:.2f}",
         str(row["triangles"]),
         f"{row['energy']:.4e}",
@@ -256,6 +333,14 @@ def main(folder=Path(__file__).parents[1] / "docs", pick=slice(None)):
             f"  {row['outcome'][:30]:11s}  {row['newton_steps']!s:>4s} steps"
             f"  {row['seconds']!s:>7s} s"
             f"  {row['certificate'].split(';')[0][:50]}",
+            flush=True,
+        )
+    pairs = for_peer(rows, chosen) if importlib.util.find_spec("casadi") else []
+    for number, (row, case) in enumerate(pairs, 1):
+        row["ipopt_steps"] = peer_steps(case)
+        print(
+            f"{number:3d}/{len(pairs)}  {case.axis:42s} {case.value:>8s}"
+            f"  {row['newton_steps']!s:>4s} steps, IPOPT {row['ipopt_steps']}",
             flush=True,
         )
     folder = Path(folder)

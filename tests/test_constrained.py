@@ -29,6 +29,9 @@ from ngcloth.scenes import hemicatenoid, hemisphere, sphere
 from ngcloth.solve import make_mesh
 from ngcloth.start import feasible_start
 
+# Directions in the quarter of a symmetric disk.
+ROUND = [(np.cos(a), np.sin(a)) for a in np.radians((10, 30, 45, 70))]
+
 
 def discretised(scene, maxh=0.4, order=2, quadrature=None):
     quadrature = 2 * order + 2 if quadrature is None else quadrature
@@ -395,6 +398,18 @@ def test_linear_multiplier_leaves_the_rim_unbalanced():
     assert_solved(poor)
     assert poor.normalized_energy < 0.95 * rich.normalized_energy
     assert poor.equilibrium_residual > 3 * rich.equilibrium_residual
+
+
+def test_eta_falls_to_zero_within_the_last_triangles_before_the_rim():
+    inside, seminorm = [], []
+    for maxh in (0.1, 0.05):
+        result = solve(hemisphere(1), maxh=maxh)
+        eta, mesh = result.state.components[2:], result.state.space.mesh
+        inside.append([component(mesh(0.5 * x, 0.5 * y)) for component in eta for x, y in ROUND])
+        square = sum(ngs.InnerProduct(ngs.grad(c), ngs.grad(c)) for c in eta)
+        seminorm.append(np.sqrt(ngs.Integrate(square, mesh)))
+    np.testing.assert_allclose(*inside, rtol=0.03)
+    assert seminorm[1] > 1.4 * seminorm[0]  # of a jump it grows like h^-1/2
 
 
 def test_hemicatenoid():

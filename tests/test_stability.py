@@ -20,15 +20,20 @@ import json, os, signal, sys, time
 import stability
 from stability_cases import Case, cases
 CASES = {{(case.axis, case.value): case for case in cases()}}
-print(json.dumps([stability.run(case) for case in {cases}], default=float))
+print(json.dumps({expression}, default=float))
 """
 
 
 def rows(cases):
-    """Rows of an expression for cases, from a fresh process: forks of one with threads may hang."""
+    """Rows of an expression for cases."""
+    return value(f"[stability.run(case) for case in {cases}]")
+
+
+def value(expression):
+    """What an expression is in a fresh process: forks of one with threads may hang."""
     root = str(Path(DEMOS).parent)
     out = subprocess.run(
-        [sys.executable, "-c", SCRIPT.format(cases=cases)],
+        [sys.executable, "-c", SCRIPT.format(expression=expression)],
         env=os.environ | {"PYTHONPATH": os.pathsep.join([root, str(DEMOS)])},
         stdout=subprocess.PIPE,
         text=True,
@@ -72,6 +77,56 @@ def test_a_crash_and_a_hang_are_rows():
     assert crashed["outcome"].startswith("crash, exit code -")
     assert hung["outcome"] == "not ended in 1 s"
     assert stability.failed(crashed) and stability.failed(hung)
+
+
+def counted(axes, steps):
+    """Cases of some axes with limits, and rows that say they converge in ever more steps."""
+    chosen = [case for case in cases() if case.axis in axes]
+    rows = [
+        dict.fromkeys(stability.COLUMNS, "")
+        | {"axis": case.axis, "value": case.value, "expected": case.expected}
+        | {"outcome": "CONVERGED", "certificate": "certified", "newton_steps": number}
+        for number, case in zip(steps, chosen, strict=False)
+    ]
+    return rows, chosen[: len(rows)]
+
+
+def test_the_rows_of_steep_axes_with_limits_go_to_ipopt():
+    portions, heights = (
+        "portion of the sphere, γmax = cos π/6",
+        "height of the hemicatenoid, ks = 0",
+    )
+    rows, chosen = counted(["γmax, hemisphere ks = 1"], [7, 8, 9, 20])
+    assert stability.for_peer(rows, chosen) == []  # grows by 20/7
+    rows, chosen = counted([portions], [7, 8, 9, 21])
+    assert [case.value for _, case in stability.for_peer(rows, chosen)] == [
+        "0.01",
+        "0.05",
+        "0.1",
+        "0.3",
+    ]
+    for axis in (heights, "barrier_end, hemisphere ks = 1"):  # no limits, no optimum
+        assert stability.for_peer(*counted([axis], [7, 21])) == []
+
+
+def test_the_page_compares_with_ipopt():
+    rows, _ = counted(["ks/kc, hemisphere"], [7, 8, 9, 30])
+    assert "IPOPT" not in " ".join(stability.summary(rows))
+    for row, steps in zip(rows[1:], (10, 20, "Maximum_Iterations_Exceeded"), strict=True):
+        row["ipopt_steps"] = steps
+    rows[1]["newton_steps"] = 11
+    assert stability.growth(rows, "ipopt_steps") == {"ks/kc, hemisphere": (10, 20)}
+    assert (
+        "less than 3 over 1 of them. ngcloth takes more steps than IPOPT in 1 of 2 rows"
+        in (stability.summary(rows)[-1])
+    )
+
+
+def test_ipopt_needs_more_steps_for_a_higher_bump():
+    pytest.importorskip("casadi")
+    axis = "bump on a plane, ks = 1"
+    low, high = value(f"[stability.peer_steps(CASES[{axis!r}, height]) for height in ('0.1', '1')]")
+    assert 6 < low < high < 100
 
 
 @pytest.mark.slow

@@ -24,6 +24,7 @@ INVERSES = ("sparsecholesky", "umfpack")
 COARSEST = 0.3  # mesh size over diameter
 REFINEMENTS = 2  # of a mesh, to give the next finer one
 COARSER = 2**REFINEMENTS
+QUARTER_TURN = np.array([[0, 1], [-1, 0]])
 
 
 def solve(
@@ -210,7 +211,8 @@ def minima(scene, starts, **settings):
     -------
     list of Result
         Those that converged first, by energy. Of results that agree to 1e-3 in energy and to
-        1e-2 of the size of the patch in outline, the first is kept.
+        1e-2 of the size of the patch in outline, the first is kept. A patch that is turned by a
+        right angle, its warp in the place of its weft, or by two, is the same.
     """
     found = []
     for start in starts:
@@ -228,7 +230,8 @@ def _same_minimum(one, other):
     here, there = (
         outline - outline.mean(axis=0) for outline in (one.outline(100), other.outline(100))
     )
-    return near and np.abs(here - there).max() <= 1e-2 * np.abs(here).max()
+    turned = (there @ np.linalg.matrix_power(QUARTER_TURN, n) for n in range(4))
+    return near and any(np.abs(here - x).max() <= 1e-2 * np.abs(here).max() for x in turned)
 
 
 def make_mesh(scene, maxh, order):

@@ -43,6 +43,8 @@ class ConstrainedLagrangian(Discretisation):
     weights : ndarray, (points,)
         With which the points at which limits are sampled count in barriers: those inside, where
         sums are integrals over the surface, and then those on the rim.
+    inside : ndarray of bool, (points,)
+        Which of these points are not on the rim.
     slack_names : list of str
         The limit to which each slack belongs.
     psi_dofs : slice
@@ -71,6 +73,7 @@ class ConstrainedLagrangian(Discretisation):
         if self.slack_names:
             self._limits.append(self._limits_on_rim(quadrature))
         self.weights = np.concatenate([limits.weights for limits in self._limits])
+        self.inside = np.arange(len(self.weights)) < len(self.points)
         self.direction = ngs.GridFunction(self.fes)
 
         self.psi_dofs = slice(0, self.fes.Range(1).stop)

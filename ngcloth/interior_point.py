@@ -61,7 +61,7 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
     if not problem.slack_names:  # no barrier to weaken
         iterate = Iterate(problem, last_mu)
     elif warm:
-        iterate = Iterate(problem, max(WARM_MU, last_mu))
+        iterate = Iterate(problem, max(WARM_MU, last_mu), rim_yields=True)
     elif stress > STRESSED:
         first_mu = min(STRESSED_MU * stress, LARGEST_FIRST_MU)
         iterate = Iterate(problem, first_mu, relaxed=True)
@@ -104,10 +104,13 @@ class Iterate:
         The first barrier weight.
     relaxed : bool, optional
         Whether to begin without equilibrium.
+    rim_yields : bool, optional
+        Whether to try, where the inertia is wrong, if that is the curvature of limits on the rim.
     """
 
-    def __init__(self, problem, mu, relaxed=False):
-        self.problem, self.largest_mu = problem, 10 * mu if relaxed else FIRST_MU
+    def __init__(self, problem, mu, relaxed=False, rim_yields=False):
+        self.problem, self.rim_yields = problem, rim_yields
+        self.largest_mu = 10 * mu if relaxed else FIRST_MU
         self.set_mu(mu)
         self.c = problem.slacks()
         self.s = np.maximum(self.c, LEAST_SLACK * min(np.sqrt(mu), 1))
@@ -142,13 +145,15 @@ class Iterate:
             "z": self.z,
             "rate": self.rate,
             "relaxed": self.problem.relaxed,
+            "rim_yields": self.rim_yields,
             "largest_mu": self.largest_mu,
             "filter": np.reshape(self._filter, (-1, 2)),
             "largest_violation": self._largest_violation,
         }
 
-    def recall(self, mu, s, z, rate, relaxed, largest_mu, filter, largest_violation):
+    def recall(self, mu, s, z, rate, relaxed, rim_yields, largest_mu, filter, largest_violation):
         """Go on from where `memory` was taken."""
+        self.rim_yields = bool(rim_yields)
         self.set_mu(float(mu))
         self.relax(bool(relaxed))
         self.largest_mu = float(largest_mu)
@@ -227,7 +232,8 @@ class Iterate:
         """Solve with a rate at which ψ tends to a minimum; return the solver."""
         problem, given = self.problem, self.rate
         eta = problem.unknowns[problem.psi_dofs.stop :]
-        matrix, added = self._linearised(), 0.0
+        bending = self.z
+        matrix, added = self._linearised(bending), 0.0
         while True:
             matrix.AsVector().data += (self.rate - added) * problem.flow.AsVector()
             added = self.rate
@@ -238,17 +244,29 @@ class Iterate:
             tends = self._tends_to_minimum(matrix)
             if tends or recorder.exhausted or self.rate > LARGEST_RATE:
                 return solve
+            if self.rim_yields and bending is self.z:
+                # New triangles at the rim, where threads touch it, bend by the limits there, each
+                # by itself; a 1/Δt that makes up for that would slow down the whole cloth.
+                bending = problem.inside * self.z
+                matrix, added = self._linearised(bending), 0.0
+                continue
+            if bending is not self.z:  # it was not the rim
+                self.rim_yields, bending = False, self.z
+                matrix, added = self._linearised(bending), 0.0
             self.rate = max(HIGHER * self.rate, FIRST_RATE)
             if self.rate > LASTING_RATE and eta.any():
                 # Far from equilibrium η can bend the Lagrangian by more than E does, and no rate
                 # makes up for it. The filter does not see η, so that it may begin again.
                 eta[:] = 0
-                matrix, added, self.rate = self._linearised(), 0.0, given
+                matrix, added, self.rate = self._linearised(bending), 0.0, given
 
-    def _linearised(self):
-        """Set the force toward μ, and return the matrix without the pseudo-time term."""
+    def _linearised(self, bending):
+        """Set the force toward μ, and return the matrix without the pseudo-time term.
+
+        `bending` are the multipliers with which the curvature of the slacks counts.
+        """
         self._force_toward(self.mu)
-        return self.problem.hessian(self.z, self.z / self.s)
+        return self.problem.hessian(bending, self.z / self.s)
 
     def _tends_to_minimum(self, matrix):
         """Whether the step in ψ has positive curvature, and what keeps equilibrium has it too."""

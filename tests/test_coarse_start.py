@@ -129,3 +129,19 @@ def test_callback_sees_the_coarse_patch():
     result = ngcloth.solve(scenes.hemisphere(10.0), maxh=0.1, callback=keep)
     assert {(phase, maxh) for phase, maxh, _ in seen} == {("coarse", 0.4), ("barrier", 0.1)}
     assert seen[-1][2] == pytest.approx(result.area)
+
+
+def test_limits_on_the_rim_that_bend_new_triangles_do_not_slow_down_the_cloth(monkeypatch):
+    """Where threads touch the rim, their curvature there is left out until the inertia is right."""
+
+    class Unyielding(interior_point.Iterate):
+        def __init__(self, problem, mu, relaxed=False, rim_yields=False):
+            super().__init__(problem, mu, relaxed)
+
+    scene = scenes.hemisphere(10)
+    usual = ngcloth.solve(scene, maxh=0.03)
+    monkeypatch.setattr(interior_point, "Iterate", Unyielding)
+    slow = ngcloth.solve(scene, maxh=0.03)
+    assert usual.converged and slow.converged
+    assert usual.newton_iterations < 0.8 * slow.newton_iterations
+    assert usual.normalized_energy == pytest.approx(slow.normalized_energy, rel=1e-4)

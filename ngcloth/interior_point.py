@@ -21,10 +21,11 @@ STRESSED, STRESSED_MU, LARGEST_FIRST_MU = 200.0, 0.02, 200.0
 # the boundary.
 LEAST_RATE, FIRST_RATE, LASTING_RATE, LARGEST_RATE = 1e-9, 1e-2, 1e3, 1e6
 HIGHER = 16  # times the rate that was too low
-TO_BOUNDARY = 0.99  # a step may use up this fraction of a slack variable or a multiplier
+TO_BOUNDARY = 0.97  # a step may use up this fraction of a slack variable or a multiplier
+NEARLY = 30.0  # μ falls once the error of the equations is below so many μ
 # A step that the boundary cuts to less than `CUT` gets at most so many correctors. Each aims for a
-# step twice as long and a bit, and for products s z within this factor of μ.
-CORRECTORS, CUT, LONGER, CENTRED = 3, 0.9, (2.0, 0.1), 10.0
+# step longer by `LONGER`, and for products s z within this factor of μ.
+CORRECTORS, CUT, LONGER, CENTRED = 5, 0.9, 0.4, 10.0
 CRUSHED = 0.3  # a step may not shrink the least J by more than this factor
 LEAST_SLACK = 1e-2  # of slack variables at the start, times √μ below 1
 SHORT, SHORT_STEPS, RAISE = 0.1, 3, 5.0  # after so many such steps in a row μ is raised
@@ -61,20 +62,20 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
     if not problem.slack_names:  # no barrier to weaken
         iterate = Iterate(problem, last_mu)
     elif warm:
-        iterate = Iterate(problem, max(WARM_MU, last_mu), rim_yields=True)
+        iterate = Iterate(problem, max(WARM_MU, last_mu), rim_may_yield=True)
     elif stress > STRESSED:
         first_mu = min(STRESSED_MU * stress, LARGEST_FIRST_MU)
         iterate = Iterate(problem, first_mu, relaxed=True)
     else:
         iterate = Iterate(problem, FIRST_MU)
     if recorder.memory:
-        iterate.recall(**recorder.memory)
+        iterate.recall(recorder.memory)
     while not recorder.exhausted:
         error = iterate.error()
-        if problem.relaxed and error <= 10 * iterate.mu:
+        if problem.relaxed and error <= NEARLY * iterate.mu:
             iterate.relax(False)
             continue
-        if iterate.mu > last_mu and error <= 10 * iterate.mu:
+        if iterate.mu > last_mu and error <= NEARLY * iterate.mu:
             iterate.lower_mu(last_mu)
             continue
         if iterate.mu <= last_mu and error <= iterate.mu and iterate.c.min(initial=1) > 0:
@@ -93,8 +94,7 @@ class Iterate:
     """ψ, η, slack variables s and multipliers z, moved by primal-dual Newton steps.
 
     The slack variables stay positive all the way; c(ψ) = s, like equilibrium, holds at the end.
-    Steps that keep c itself positive are cut by its curvature: on the hemisphere at ks = 100, maxh
-    0.07, they did not end within 120 where these take 48.
+    Steps that keep c itself positive are cut by its curvature, and stall.
 
     Parameters
     ----------
@@ -104,12 +104,12 @@ class Iterate:
         The first barrier weight.
     relaxed : bool, optional
         Whether to begin without equilibrium.
-    rim_yields : bool, optional
+    rim_may_yield : bool, optional
         Whether to try, where the inertia is wrong, if that is the curvature of limits on the rim.
     """
 
-    def __init__(self, problem, mu, relaxed=False, rim_yields=False):
-        self.problem, self.rim_yields = problem, rim_yields
+    def __init__(self, problem, mu, relaxed=False, rim_may_yield=False):
+        self.problem, self.rim_may_yield, self.rim_yields = problem, rim_may_yield, False
         self.largest_mu = 10 * mu if relaxed else FIRST_MU
         self.set_mu(mu)
         self.c = problem.slacks()
@@ -145,21 +145,23 @@ class Iterate:
             "z": self.z,
             "rate": self.rate,
             "relaxed": self.problem.relaxed,
+            "rim_may_yield": self.rim_may_yield,
             "rim_yields": self.rim_yields,
             "largest_mu": self.largest_mu,
             "filter": np.reshape(self._filter, (-1, 2)),
             "largest_violation": self._largest_violation,
         }
 
-    def recall(self, mu, s, z, rate, relaxed, rim_yields, largest_mu, filter, largest_violation):
+    def recall(self, memory):
         """Go on from where `memory` was taken."""
-        self.rim_yields = bool(rim_yields)
-        self.set_mu(float(mu))
-        self.relax(bool(relaxed))
-        self.largest_mu = float(largest_mu)
-        self.s, self.z, self.rate = s, z, float(rate)
-        self._filter = [tuple(pair) for pair in filter]
-        self._largest_violation = float(largest_violation)
+        self.set_mu(float(memory["mu"]))
+        self.relax(bool(memory["relaxed"]))
+        self.s, self.z, self.rate = memory["s"], memory["z"], float(memory["rate"])
+        self.rim_may_yield = bool(memory["rim_may_yield"])
+        self.rim_yields = bool(memory["rim_yields"])
+        self.largest_mu = float(memory["largest_mu"])
+        self._filter = [tuple(pair) for pair in memory["filter"]]
+        self._largest_violation = float(memory["largest_violation"])
 
     def lagrangian(self):
         """The Lagrangian, barrier included, over kc, over the meshed domain."""
@@ -232,8 +234,7 @@ class Iterate:
         """Solve with a rate at which ψ tends to a minimum; return the solver."""
         problem, given = self.problem, self.rate
         eta = problem.unknowns[problem.psi_dofs.stop :]
-        bending = self.z
-        matrix, added = self._linearised(bending), 0.0
+        matrix, added = self._linearised(), 0.0
         while True:
             matrix.AsVector().data += (self.rate - added) * problem.flow.AsVector()
             added = self.rate
@@ -244,28 +245,26 @@ class Iterate:
             tends = self._tends_to_minimum(matrix)
             if tends or recorder.exhausted or self.rate > LARGEST_RATE:
                 return solve
-            if self.rim_yields and bending is self.z:
+            if self.rim_may_yield and not self.rim_yields:
                 # New triangles at the rim, where threads touch it, bend by the limits there, each
                 # by itself; a 1/Δt that makes up for that would slow down the whole cloth.
-                bending = problem.inside * self.z
-                matrix, added = self._linearised(bending), 0.0
+                self.rim_yields = True
+                matrix, added = self._linearised(), 0.0
                 continue
-            if bending is not self.z:  # it was not the rim
-                self.rim_yields, bending = False, self.z
-                matrix, added = self._linearised(bending), 0.0
+            if self.rim_yields:  # it is not the rim, or no longer
+                self.rim_may_yield = self.rim_yields = False
+                matrix, added = self._linearised(), 0.0
             self.rate = max(HIGHER * self.rate, FIRST_RATE)
             if self.rate > LASTING_RATE and eta.any():
                 # Far from equilibrium η can bend the Lagrangian by more than E does, and no rate
                 # makes up for it. The filter does not see η, so that it may begin again.
                 eta[:] = 0
-                matrix, added, self.rate = self._linearised(bending), 0.0, given
+                matrix, added, self.rate = self._linearised(), 0.0, given
 
-    def _linearised(self, bending):
-        """Set the force toward μ, and return the matrix without the pseudo-time term.
-
-        `bending` are the multipliers with which the curvature of the slacks counts.
-        """
+    def _linearised(self):
+        """Set the force toward μ, and return the matrix without the pseudo-time term."""
         self._force_toward(self.mu)
+        bending = self.problem.inside * self.z if self.rim_yields else self.z
         return self.problem.hessian(bending, self.z / self.s)
 
     def _tends_to_minimum(self, matrix):
@@ -280,24 +279,25 @@ class Iterate:
         """Correct a step that few slack variables cut short: solve again with the same matrix.
 
         Where a longer step would leave s z far from μ, another product is aimed for, which makes up
-        for the difference (Gondzio, 1996). A corrector that does not lengthen the step is undone.
+        for the difference (Gondzio, 1996), on top of those before. A corrector that does not
+        lengthen the step is undone.
         """
         direction, length = self.problem.direction.vec, _to_boundary(self.s, ds)
-        kept = direction.CreateVector()
+        kept, products = direction.CreateVector(), self.mu
         for _ in range(CORRECTORS):
             if length >= CUT:
                 break
-            aim = min(1.0, LONGER[0] * length + LONGER[1])
+            aim = min(1.0, length + LONGER)
             reached = (self.s + aim * ds) * (self.z + aim * dz)
             centred = np.clip(reached, self.mu / CENTRED, self.mu * CENTRED)
-            products = self.mu + np.maximum(centred - reached, -self.mu * CENTRED)
+            products = products + np.maximum(centred - reached, -self.mu * CENTRED)
             kept.data = direction
             self._force_toward(products)
             solve(self._force, direction)
             direction.data *= -1
             corrected = self._slack_step(products)
             new_length = _to_boundary(self.s, corrected[0])
-            if not new_length >= length + 0.1 * (aim - length):
+            if not new_length > length:
                 direction.data = kept
                 break
             (ds, dz), length = corrected, new_length

@@ -46,10 +46,11 @@ def test_steps_on_the_finest_mesh_do_not_grow():
 
 
 def test_correctors_save_steps(monkeypatch):
-    """Same patch; without correctors these take 13 and 24 steps."""
+    """Same patch; without correctors these take 16, 24 and 71 steps."""
     for scene, maxh in (
         (scenes.hemicatenoid(1.0), 0.2),
-        (scenes.sphere(0.7, shear_limit=cos(pi / 6)), 0.16),
+        (scenes.hemicatenoid(100.0), 0.1),
+        (scenes.sphere(0.85, shear_limit=cos(pi / 6)), 0.15),
     ):
         corrected = ngcloth.solve(scene, maxh=maxh)
         with monkeypatch.context() as patch:
@@ -57,7 +58,7 @@ def test_correctors_save_steps(monkeypatch):
             plain = ngcloth.solve(scene, maxh=maxh)
         assert corrected.converged and plain.converged
         assert corrected.energy == pytest.approx(plain.energy, rel=1e-3)
-        assert corrected.newton_iterations <= 0.9 * plain.newton_iterations
+        assert corrected.newton_iterations <= 0.75 * plain.newton_iterations
 
 
 def test_uniform_meshes_are_of_second_order():
@@ -135,7 +136,7 @@ def test_limits_on_the_rim_that_bend_new_triangles_do_not_slow_down_the_cloth(mo
     """Where threads touch the rim, their curvature there is left out until the inertia is right."""
 
     class Unyielding(interior_point.Iterate):
-        def __init__(self, problem, mu, relaxed=False, rim_yields=False):
+        def __init__(self, problem, mu, relaxed=False, rim_may_yield=False):
             super().__init__(problem, mu, relaxed)
 
     scene = scenes.hemisphere(10)

@@ -73,10 +73,10 @@ def test_stretched_chebyshev_start():
 
 
 def test_stressed_start_is_relaxed_first():
-    """Begun with equilibrium, at a barrier a thousandth of the stress, it takes 144 steps."""
+    """Begun with equilibrium, at a barrier a thousandth of the stress, it takes 140 steps."""
     result = solve(FAR, maxh=0.15)
     assert result.converged
-    assert result.newton_iterations <= 100
+    assert result.newton_iterations <= 80
     assert result.history[0].mu > 1
 
 
@@ -99,7 +99,7 @@ def test_relaxed_steps_leave_equilibrium_alone():
     assert np.abs(step.FV().NumPy()[problem.psi_dofs.stop :]).max() > 0
 
 
-@pytest.mark.parametrize("steps", [5, 20])
+@pytest.mark.parametrize("steps", [5, 12])
 def test_relaxed_solve_is_taken_up_again(steps, tmp_path):
     path = tmp_path / "run.npz"
     whole = solve(FAR, maxh=0.25)
@@ -136,7 +136,7 @@ def paraboloid(shear):
 
 @pytest.mark.parametrize("shear", [5.0, 10.0, 100.0])
 def test_start_on_sheared_coordinates(shear):
-    """Flattened, it is nearly isometric; without, at 10, 195 steps."""
+    """Flattened, it is nearly isometric; without, at 10, 214 steps."""
     scene = Scene(paraboloid(shear), Net(1.0, 1.0), (Elongation(),))
     result = solve(scene, maxh=0.3)
     assert result.converged
@@ -180,14 +180,14 @@ def test_rigid_steps_lower_the_distance_to_an_isometry():
 
 
 def test_tall_hemicatenoid():
-    """A start that is rigid where it can be; without, it takes 50 steps."""
+    """A start that is rigid where it can be; without, it takes 38 steps."""
     tall = Surface(
         lambda x, y: (ngs.cosh(y) * ngs.cos(x), ngs.cosh(y) * ngs.sin(x), y),
         Rectangle((0, pi), (-2.5, 2.5)),
     )
     result = solve(Scene(tall, Net(ks=1.0), (Elongation(),), symmetric=True), maxh=0.25)
     assert result.converged
-    assert result.newton_iterations <= 40
+    assert result.newton_iterations <= 30
     assert result.normalized_energy == pytest.approx(3.1214, rel=1e-4)
 
 

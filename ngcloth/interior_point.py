@@ -1,10 +1,10 @@
 """Interior point: barrier loop around a filter line search along primal-dual Newton steps.
 
 The method of Wächter and Biegler (2006), slack variables included, with all norms taken in the
-function spaces, and the centrality correctors of Gondzio (1996). The matrix is regularised by the
-pseudo-time term, 1/Δt times the flow's inner product, raised until the matrix is that of a minimum,
-by its inertia, and the step has positive curvature (Chiang and Zavala, 2016), so that each step is
-one of backward Euler along the gradient flow.
+function spaces, and the correctors of Mehrotra (1992) and Gondzio (1996). The matrix is regularised
+by the pseudo-time term, 1/Δt times the flow's inner product, raised until the matrix is that of a
+minimum, by its inertia, and the step has positive curvature (Chiang and Zavala, 2016), so that each
+step is one of backward Euler along the gradient flow.
 """
 
 import numpy as np
@@ -19,10 +19,14 @@ STRESSED, STRESSED_MU, LARGEST_FIRST_MU = 200.0, 0.02, 200.0
 # 1/Δt. A rate that negative curvature or a refused step asks for is at least the second; above the
 # third, η is given up, and rates do not last: the barrier's Hessian would no longer bend steps from
 # the boundary.
-LEAST_RATE, FIRST_RATE, LASTING_RATE, LARGEST_RATE = 1e-9, 1e-2, 1e3, 1e6
+LEAST_RATE, FIRST_RATE, LASTING_RATE, LARGEST_RATE = 1e-9, 1.0, 1e3, 1e6
 HIGHER = 16  # times the rate that was too low
 TO_BOUNDARY = 0.97  # a step may use up this fraction of a slack variable or a multiplier
-NEARLY = 30.0  # μ falls once the error of the equations is below so many μ
+# μ falls once the error of the equations is below so many μ; but below the second, while 1/Δt is
+# above the third: a patch that slides slowly is far from where it will be.
+NEARLY, NEARER, SLIDING = 30.0, 10.0, 10.0
+# The first corrector takes off ds dz, up to so many μ, if that leaves this fraction of the length.
+SECOND, SHORTENED = 3.0, 0.7
 # A step that the boundary cuts to less than `CUT` gets at most so many correctors. Each aims for a
 # step longer by `LONGER`, and for products s z within this factor of μ.
 CORRECTORS, CUT, LONGER, CENTRED = 5, 0.9, 0.4, 10.0
@@ -72,10 +76,11 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
         iterate.recall(recorder.memory)
     while not recorder.exhausted:
         error = iterate.error()
-        if problem.relaxed and error <= NEARLY * iterate.mu:
+        near = error <= (NEARLY if iterate.rate < SLIDING else NEARER) * iterate.mu
+        if problem.relaxed and near:
             iterate.relax(False)
             continue
-        if iterate.mu > last_mu and error <= NEARLY * iterate.mu:
+        if iterate.mu > last_mu and near:
             iterate.lower_mu(last_mu)
             continue
         if iterate.mu <= last_mu and error <= iterate.mu and iterate.c.min(initial=1) > 0:
@@ -135,7 +140,8 @@ class Iterate:
     def lower_mu(self, last_mu):
         """Weaken the barrier; the weight so far is the largest to which it may be raised again."""
         self.largest_mu = self.mu
-        self.set_mu(max(min(0.2 * self.mu, self.mu**1.5), last_mu))
+        lower = min(0.2 * self.mu, self.mu**1.5)
+        self.set_mu(lower if lower >= 2 * last_mu else last_mu)
 
     def memory(self):
         """What a later process needs to go on from here, beside the state."""
@@ -182,7 +188,8 @@ class Iterate:
     def step(self, recorder):
         """Try one step. Returns its 1/Δt and its accepted length, 0 if it was refused."""
         ds, dz = self._direction(recorder)
-        used, length = self.rate, self._line_search(ds)
+        dual_length = _to_boundary(self.z, dz)
+        used, length = self.rate, self._line_search(ds, dual_length)
         if length == 0:
             self.rate = min(max(HIGHER * self.rate, FIRST_RATE), LARGEST_RATE)
             self.refusals += 1
@@ -190,7 +197,7 @@ class Iterate:
                 self._filter, self.rate = [], 1.0
             return used, 0.0
         self.refusals = 0
-        self.z += _to_boundary(self.z, dz) * dz
+        self.z += dual_length * dz
         target = self.mu / self.s
         np.clip(self.z, target / DUAL_RANGE, target * DUAL_RANGE, out=self.z)
         if length > 0.5:
@@ -212,7 +219,7 @@ class Iterate:
         self.problem.cost_gradient(self._cost_gradient)
         solve = self._regularised(recorder)
         ds, dz = self._slack_step(self.mu)
-        if np.isfinite(ds).all():
+        if ds.size and np.isfinite(ds).all():
             ds, dz = self._corrected(solve, ds, dz)
         self._project(self.problem.direction.vec)
         return ds, dz
@@ -276,35 +283,53 @@ class Iterate:
         return curvature > 1e-8 * size and problem.is_minimum()
 
     def _corrected(self, solve, ds, dz):
-        """Correct a step that few slack variables cut short: solve again with the same matrix.
+        """Correct a step for what its products s z miss: solve again with the same matrix.
 
-        Where a longer step would leave s z far from μ, another product is aimed for, which makes up
-        for the difference (Gondzio, 1996), on top of those before. A corrector that does not
-        lengthen the step is undone.
+        First for their second order, ds dz (Mehrotra, 1992). Then, if few slack variables cut the
+        step short, for what takes s z far from μ on a longer one (Gondzio, 1996), on top of what
+        was corrected before.
         """
-        direction, length = self.problem.direction.vec, _to_boundary(self.s, ds)
-        kept, products = direction.CreateVector(), self.mu
+        length, products = _to_boundary(self.s, ds), self.mu
+        missing = np.clip(-ds * dz, -SECOND * self.mu, SECOND * self.mu)
+        corrected = self._step_toward(solve, products + missing, SHORTENED * length)
+        if corrected:
+            (ds, dz, length), products = corrected, products + missing
         for _ in range(CORRECTORS):
             if length >= CUT:
                 break
             aim = min(1.0, length + LONGER)
             reached = (self.s + aim * ds) * (self.z + aim * dz)
             centred = np.clip(reached, self.mu / CENTRED, self.mu * CENTRED)
-            products = products + np.maximum(centred - reached, -self.mu * CENTRED)
-            kept.data = direction
-            self._force_toward(products)
-            solve(self._force, direction)
-            direction.data *= -1
-            corrected = self._slack_step(products)
-            new_length = _to_boundary(self.s, corrected[0])
-            if not new_length > length:
-                direction.data = kept
+            missing = np.maximum(centred - reached, -self.mu * CENTRED)
+            corrected = self._step_toward(solve, products + missing, length)
+            if not corrected:
                 break
-            (ds, dz), length = corrected, new_length
+            (ds, dz, length), products = corrected, products + missing
         return ds, dz
 
-    def _line_search(self, ds):
-        """Move ψ, η and s by the first acceptable length, by halves; 0 if there is none."""
+    def _step_toward(self, solve, products, length):
+        """The step to other products, as ds, dz and length, if it is longer than `length`.
+
+        Else None, and `direction` is as it was.
+        """
+        direction = self.problem.direction.vec
+        kept = direction.CreateVector()
+        kept.data = direction
+        self._force_toward(products)
+        solve(self._force, direction)
+        direction.data *= -1
+        ds, dz = self._slack_step(products)
+        new_length = _to_boundary(self.s, ds)
+        if new_length > length:
+            return ds, dz, new_length
+        direction.data = kept
+        return None
+
+    def _line_search(self, ds, dual_length):
+        """Move ψ and s by the first acceptable length, by halves; 0 if there is none.
+
+        η goes as far as the other multipliers, z: forces of both are in balance along a step.
+        """
         problem, state = self.problem, self.problem.state.vec
         old, least_jacobian = (self._objective(), self._violation()), problem.least_jacobian()
         slope = self._cost_gradient.InnerProduct(self._psi_step)
@@ -312,7 +337,8 @@ class Iterate:
         self._before.data = state
         before, length = (self.s, self.c), _to_boundary(self.s, ds)
         while length > SHORTEST:
-            state.data = self._before + length * problem.direction.vec
+            state.data = self._before + dual_length * problem.direction.vec
+            state.data += (length - dual_length) * self._psi_step
             if problem.least_jacobian() > CRUSHED * least_jacobian:
                 self.s, self.c = before[0] + length * ds, problem.slacks()
                 if self._acceptable(length, slope, old, (self._objective(), self._violation())):

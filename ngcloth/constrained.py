@@ -80,8 +80,10 @@ class ConstrainedLagrangian(Discretisation):
         # η are parameters; their metric makes lengths on the surface of them, and norms of these
         # that depend neither on the chart nor on the unit of length.
         self.eta_flow = self._h1_matrix({2: self._metric})
-        self._psi_riesz, self._eta_riesz = self._riesz_maps()
-        self.relaxed = False
+        psi, eta = self._free_parts()
+        self._psi_riesz = self.flow.Inverse(psi, inverse="sparsecholesky")
+        self._eta_riesz = self.eta_flow.Inverse(eta, inverse="sparsecholesky")
+        self._system = SaddleSystem(self.free, eta.NumSet(), self.eta_flow, self.inverse)
         self._matrix = self.flow.CreateMatrix()
         self._places = self._places_of_blocks()
         self._force, self._rest = (self.state.vec.CreateVector() for _ in range(2))
@@ -113,19 +115,6 @@ class ConstrainedLagrangian(Discretisation):
         return self._symbolic_energy(density)
 
     # What the loop asks -------------------------------------------------------------------
-
-    @property
-    def relaxed(self):
-        """Whether equilibrium is not asked for, and η stays as it is."""
-        return self._relaxed
-
-    @relaxed.setter
-    def relaxed(self, relaxed):
-        self._relaxed, of_psi = relaxed, ngs.BitArray(self.free)
-        of_psi[self.psi_dofs.stop :] = False
-        moving = of_psi if relaxed else self.free
-        multipliers = moving.NumSet() - of_psi.NumSet()
-        self._system = SaddleSystem(moving, multipliers, self.eta_flow, self.inverse)
 
     def slacks(self):
         """Values c of all slacks where limits are sampled, (slacks, points)."""
@@ -212,12 +201,9 @@ class ConstrainedLagrangian(Discretisation):
         """The virtual work of sliding the cloth along η, over kc."""
         return self._work.value()
 
-    def imbalance(self):
-        """Dual norm of the in-plane force on the cloth inside the rim; zero while relaxed."""
-        return 0.0 if self.relaxed else self._imbalance()
-
     @of_state
-    def _imbalance(self):
+    def imbalance(self):
+        """Dual norm of the in-plane force on the cloth inside the rim."""
         self._force[:] = 0
         self._force.FV().NumPy()[self.psi_dofs.stop :] = self._work.eta_force()
         return _dual_norm(self._force, self._eta_riesz)
@@ -258,12 +244,11 @@ class ConstrainedLagrangian(Discretisation):
         load += ngs.InnerProduct(target, gradient(*self.fes.TestFunction()[:2])) * self.points.dx
         return load
 
-    def _riesz_maps(self):
-        """The inverses of `flow` on ψ and of `eta_flow` on η."""
+    def _free_parts(self):
+        """The unknowns that move, of ψ and of η."""
         psi, eta = ngs.BitArray(self.free), ngs.BitArray(self.free)
         psi[self.psi_dofs.stop :] = eta[self.psi_dofs] = False
-        pairs = (self.flow, psi), (self.eta_flow, eta)
-        return [matrix.Inverse(free, inverse="sparsecholesky") for matrix, free in pairs]
+        return psi, eta
 
     def _limits_on_rim(self, degree):
         surface, points = self.scene.surface, RimPoints(self.state.space.mesh, degree)

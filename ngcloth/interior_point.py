@@ -13,8 +13,8 @@ from .history import Reason
 from .start import near_start
 
 FIRST_MU, WARM_MU = 1.0, 0.2  # of a solve from the scene's start, and from a coarser mesh
-# A start of more energy per area over kc is relaxed first: without equilibrium, and at this
-# fraction of that energy as μ, but no more than the last.
+# A start of more energy per area over kc begins at this fraction of that energy as μ, but at no
+# more than the last.
 STRESSED, STRESSED_MU, LARGEST_FIRST_MU = 200.0, 0.02, 200.0
 # 1/Δt. A rate that negative curvature or a refused step asks for is at least the second; above the
 # third, η is given up, and rates do not last: the barrier's Hessian would no longer bend steps from
@@ -69,7 +69,7 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
         iterate = Iterate(problem, max(WARM_MU, last_mu), rim_may_yield=True)
     elif stress > STRESSED:
         first_mu = min(STRESSED_MU * stress, LARGEST_FIRST_MU)
-        iterate = Iterate(problem, first_mu, relaxed=True)
+        iterate = Iterate(problem, first_mu)
     else:
         iterate = Iterate(problem, FIRST_MU)
     if recorder.memory:
@@ -77,9 +77,6 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
     while not recorder.exhausted:
         error = iterate.error()
         near = error <= (NEARLY if iterate.rate < SLIDING else NEARER) * iterate.mu
-        if problem.relaxed and near:
-            iterate.relax(False)
-            continue
         if iterate.mu > last_mu and near:
             iterate.lower_mu(last_mu)
             continue
@@ -107,15 +104,13 @@ class Iterate:
         Its `state` holds ψ and η.
     mu : float
         The first barrier weight.
-    relaxed : bool, optional
-        Whether to begin without equilibrium.
     rim_may_yield : bool, optional
         Whether to try, where the inertia is wrong, if that is the curvature of limits on the rim.
     """
 
-    def __init__(self, problem, mu, relaxed=False, rim_may_yield=False):
+    def __init__(self, problem, mu, rim_may_yield=False):
         self.problem, self.rim_may_yield, self.rim_yields = problem, rim_may_yield, False
-        self.largest_mu = 10 * mu if relaxed else FIRST_MU
+        self.largest_mu = max(mu, FIRST_MU)
         self.set_mu(mu)
         self.c = problem.slacks()
         self.s = np.maximum(self.c, LEAST_SLACK * min(np.sqrt(mu), 1))
@@ -125,12 +120,7 @@ class Iterate:
         self._before, self._force, self._cost_gradient, self._psi_step = (
             vector.CreateVector() for _ in range(4)
         )
-        self.relax(relaxed)
-
-    def relax(self, relaxed):
-        """Let go of equilibrium, or ask for it."""
-        self.problem.relaxed = relaxed
-        self._filter, self._largest_violation = [], 1e4 * max(1.0, self._violation())
+        self._largest_violation = 1e4 * max(1.0, self._violation())
 
     def set_mu(self, mu):
         """Set the barrier's weight, and empty the filter: the objective has changed."""
@@ -150,7 +140,6 @@ class Iterate:
             "s": self.s,
             "z": self.z,
             "rate": self.rate,
-            "relaxed": self.problem.relaxed,
             "rim_may_yield": self.rim_may_yield,
             "rim_yields": self.rim_yields,
             "largest_mu": self.largest_mu,
@@ -161,7 +150,6 @@ class Iterate:
     def recall(self, memory):
         """Go on from where `memory` was taken."""
         self.set_mu(float(memory["mu"]))
-        self.relax(bool(memory["relaxed"]))
         self.s, self.z, self.rate = memory["s"], memory["z"], float(memory["rate"])
         self.rim_may_yield = bool(memory["rim_may_yield"])
         self.rim_yields = bool(memory["rim_yields"])

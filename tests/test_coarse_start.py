@@ -143,8 +143,8 @@ def test_limits_on_the_rim_that_bend_new_triangles_do_not_slow_down_the_cloth(mo
     """Where threads touch the rim, their curvature there is left out until the inertia is right."""
 
     class Unyielding(interior_point.Iterate):
-        def __init__(self, problem, mu, relaxed=False, rim_may_yield=False):
-            super().__init__(problem, mu, relaxed)
+        def __init__(self, problem, mu, rim_may_yield=False):
+            super().__init__(problem, mu)
 
     scene = scenes.hemisphere(10)
     usual = ngcloth.solve(scene, maxh=0.03)

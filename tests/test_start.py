@@ -1,4 +1,4 @@
-"""Starts far from the answer: flattened, dilated and relaxed, they lead to it in few steps."""
+"""Starts far from the answer: flattened and dilated, they lead to it in few steps."""
 
 from math import cos, pi
 
@@ -72,35 +72,17 @@ def test_stretched_chebyshev_start():
     assert results[1].newton_iterations <= results[0].newton_iterations + 4
 
 
-def test_stressed_start_is_relaxed_first():
-    """Begun with equilibrium, at a barrier a thousandth of the stress, it takes 140 steps."""
-    result = solve(FAR, maxh=0.15)
+def test_stressed_start_begins_at_a_barrier_of_its_size():
+    """From μ = 1 it ends, on this mesh, at a minimum of more energy, 37.4."""
+    result = solve(FAR, maxh=0.2575)
     assert result.converged
-    assert result.newton_iterations <= 80
+    assert result.normalized_energy < 25
+    assert result.newton_iterations <= 45
     assert result.history[0].mu > 1
 
 
-def test_relaxed_steps_leave_equilibrium_alone():
-    """η does not move, and nothing is out of balance; both end with the relaxation."""
-    problem = discretised(FAR, 0.25)
-    problem.relaxed = True
-    assert problem.imbalance() == 0
-    none = np.zeros_like(problem.slacks())
-    problem.gradient(none, problem.direction.vec)
-    force, step = problem.direction.vec.CreateVector(), problem.direction.vec.CreateVector()
-    force.data = problem.direction.vec
-    matrix = problem.hessian(none, none)
-    matrix.AsVector().data += 100 * problem.flow.AsVector()
-    problem.solver(matrix)(force, step)
-    assert np.abs(step.FV().NumPy()[problem.psi_dofs.stop :]).max() == 0
-    problem.relaxed = False
-    assert problem.imbalance() > 0
-    problem.solver(matrix)(force, step)
-    assert np.abs(step.FV().NumPy()[problem.psi_dofs.stop :]).max() > 0
-
-
 @pytest.mark.parametrize("steps", [5, 12])
-def test_relaxed_solve_is_taken_up_again(steps, tmp_path):
+def test_solve_from_a_stressed_start_is_taken_up_again(steps, tmp_path):
     path = tmp_path / "run.npz"
     whole = solve(FAR, maxh=0.25)
     cut = solve(FAR, maxh=0.25, checkpoint=path, max_steps=steps)
@@ -136,12 +118,12 @@ def paraboloid(shear):
 
 @pytest.mark.parametrize("shear", [5.0, 10.0, 100.0])
 def test_start_on_sheared_coordinates(shear):
-    """Flattened, it is nearly isometric; without, at 10, 214 steps."""
+    """Flattened, it is nearly isometric; without, at 10, 374 steps."""
     scene = Scene(paraboloid(shear), Net(1.0, 1.0), (Elongation(),))
     result = solve(scene, maxh=0.3)
     assert result.converged
     assert result.newton_iterations <= 40
-    assert result.extrema["stretch1"][1] < 1.2  # 2.5 at what is found without, at shear 10
+    assert result.extrema["stretch1"][1] < 1.2  # 3.2 at what is found without, at shear 10
 
 
 def test_flattened_start_of_a_developable_surface_is_an_isometry():
@@ -180,7 +162,7 @@ def test_rigid_steps_lower_the_distance_to_an_isometry():
 
 
 def test_tall_hemicatenoid():
-    """A start that is rigid where it can be; without, it takes 38 steps."""
+    """A start that is rigid where it can be; without, it takes 40 steps."""
     tall = Surface(
         lambda x, y: (ngs.cosh(y) * ngs.cos(x), ngs.cosh(y) * ngs.sin(x), y),
         Rectangle((0, pi), (-2.5, 2.5)),

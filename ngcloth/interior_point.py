@@ -19,7 +19,7 @@ STRESSED, STRESSED_MU, LARGEST_FIRST_MU = 200.0, 0.02, 200.0
 # 1/Δt. A rate that negative curvature or a refused step asks for is at least the second; above the
 # third, η is given up, and rates do not last: the barrier's Hessian would no longer bend steps from
 # the boundary.
-LEAST_RATE, FIRST_RATE, LASTING_RATE, LARGEST_RATE = 1e-9, 1.0, 1e3, 1e6
+LEAST_RATE, FIRST_RATE, LASTING_RATE, LARGEST_RATE = 1e-9, 3.0, 1e3, 1e6
 HIGHER = 16  # times the rate that was too low
 TO_BOUNDARY = 0.97  # a step may use up this fraction of a slack variable or a multiplier
 # μ falls once the error of the equations is below so many μ; but below the second, while 1/Δt is

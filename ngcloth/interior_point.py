@@ -33,6 +33,7 @@ CORRECTORS, CUT, LONGER, CENTRED = 5, 0.9, 0.4, 10.0
 CRUSHED = 0.3  # a step may not shrink the least J by more than this factor
 LEAST_SLACK = 1e-2  # of slack variables at the start, times √μ below 1
 SHORT, SHORT_STEPS, RAISE = 0.1, 3, 5.0  # after so many such steps in a row μ is raised
+SLOW_STEPS = 8  # in a row at a 1/Δt that does not last, after which s and z begin anew
 FAR = -0.1  # a patch from a coarser mesh that misses limits by more is no start
 DUAL_RANGE = 1e10  # multipliers z are kept within this factor of μ/s, the value they tend to
 SHORTEST = 1e-8
@@ -112,14 +113,19 @@ class Iterate:
         self.problem, self.rim_may_yield, self.rim_yields = problem, rim_may_yield, False
         self.largest_mu = max(mu, FIRST_MU)
         self.set_mu(mu)
-        self.c = problem.slacks()
-        self.s = np.maximum(self.c, LEAST_SLACK * min(np.sqrt(mu), 1))
-        self.z = mu / self.s
-        self.rate, self.refusals, self.short_steps = mu if problem.slack_names else 1.0, 0, 0
+        self._begin()
+        self.rate, self.refusals = mu if problem.slack_names else 1.0, 0
+        self.short_steps = self.slow_steps = 0
         vector = problem.state.vec
         self._before, self._force, self._cost_gradient, self._psi_step = (
             vector.CreateVector() for _ in range(4)
         )
+
+    def _begin(self):
+        """Set s and z to what the slacks c of the current ψ suggest."""
+        self.c = self.problem.slacks()
+        self.s = np.maximum(self.c, LEAST_SLACK * min(np.sqrt(self.mu), 1))
+        self.z = self.mu / self.s
         self._largest_violation = 1e4 * max(1.0, self._violation())
 
     def set_mu(self, mu):
@@ -191,16 +197,25 @@ class Iterate:
         if length > 0.5:
             self.rate /= 2
         self.rate = min(max(self.rate, LEAST_RATE), LASTING_RATE)
-        self._raise_mu_if_short(length)
+        self._retreat_if_stuck(used, length)
         return used, length
 
-    def _raise_mu_if_short(self, length):
-        """Return to a stronger barrier where the boundary has cut several steps in a row."""
+    def _retreat_if_stuck(self, rate, length):
+        """Return to a stronger barrier after steps in a row that were cut short, or slow."""
         self.short_steps = self.short_steps + 1 if length < SHORT else 0
-        raisable = self.mu < self.largest_mu / 2 and self.problem.slack_names
-        if self.short_steps == SHORT_STEPS and raisable:
-            self.set_mu(min(RAISE * self.mu, self.largest_mu))
-            self.rate, self.short_steps = min(self.rate, 1.0), 0
+        self.slow_steps = self.slow_steps + 1 if rate > LASTING_RATE else 0
+        short = self.short_steps == SHORT_STEPS and self.mu < self.largest_mu / 2
+        slow = self.slow_steps == SLOW_STEPS
+        if not (self.problem.slack_names and (short or slow)):
+            return
+        self.set_mu(min(RAISE * self.mu, self.largest_mu))
+        self.rate, self.short_steps = min(self.rate, 1.0), 0
+        if slow:
+            # Where limits leave hardly any room between them, z has grown beyond what any 1/Δt
+            # makes up for.
+            self.problem.unknowns[self.problem.psi_dofs.stop :] = 0
+            self._begin()
+            self.slow_steps = 0
 
     def _direction(self, recorder):
         """Solve for the step in ψ and η, and return that of s and z."""

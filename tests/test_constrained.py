@@ -753,7 +753,33 @@ def test_short_steps_raise_the_barrier_to_what_it_was():
     iterate.lower_mu(1e-3)
     assert iterate.mu == pytest.approx(0.04)
     for mu in (0.04, 0.04, 0.2, *[0.2] * 6):
-        iterate._raise_mu_if_short(0.05)
+        iterate._retreat_if_stuck(1.0, 0.05)
         assert iterate.mu == problem.mu == pytest.approx(mu)
     iterate.lower_mu(1e-3)
     assert iterate.mu == pytest.approx(0.04)
+
+
+def test_multipliers_begin_anew_after_steps_at_large_rates():
+    """A multiplier that has run away from its slack keeps every later step from moving."""
+    problem = discretised(hemisphere(1.0), 0.6)
+    feasible_start(problem)
+    iterate = Iterate(problem, 1.0)
+    iterate.lower_mu(1e-3)
+    iterate.s[0, 0], iterate.z[0, 0] = 1e-7, 1e6
+    problem.unknowns[problem.psi_dofs.stop :] = 1.0
+    for _ in range(7):
+        iterate._retreat_if_stuck(1e4, 1.0)
+    assert iterate.z[0, 0] == 1e6 and iterate.mu == pytest.approx(0.2)
+    iterate._retreat_if_stuck(1e4, 1.0)
+    assert iterate.mu == pytest.approx(1.0)
+    assert iterate.s == pytest.approx(np.maximum(problem.slacks(), 0.01))
+    assert iterate.s * iterate.z == pytest.approx(1.0)
+    assert not problem.unknowns[problem.psi_dofs.stop :].any()
+
+
+@pytest.mark.slow
+def test_fine_mesh_of_a_large_portion():
+    """At the start on the fine mesh limits leave no room; 400 steps along them do not end."""
+    result = solve(sphere(0.85, shear_limit=float(np.cos(np.pi / 6))), maxh=0.025, max_steps=300)
+    assert result.converged
+    assert result.normalized_energy == pytest.approx(0.992, abs=2e-3)

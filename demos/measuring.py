@@ -44,7 +44,7 @@ TURNED = {
     for ks, angle in ((1, 10), (100, -10))
 }
 SCENES |= TURNED
-SHORT = 0.5  # repeat solves shorter than this many seconds, and take the best
+SHORT = 10  # repeat solves shorter than this many seconds, and take the best
 INSIDE = 0.9  # of the way from the centre to the rim: stretches are compared there
 PEER = "IPOPT"
 COLD = """

@@ -133,9 +133,9 @@ each other spinning, and a busy core makes them many times slower than one. All 
 thread, in CPU seconds; of cold starts only one is timed, by the clock on the wall. Meshes are
 uniform. Orders are 2 and 4, and 6 and 8 on the exact net. With limits, the finest meshes have 15
 000 triangles at ks = 1, and fewer elsewhere. At the default barrier, 1e-3, errors do not fall below
-what this barrier shifts; where a scene has several minima, as with the obstacle, meshes and solvers
-may end in different ones, and a row is then as far from the reference as the minima are. Energies
-below 1e-17 mean zero."""
+what this barrier shifts; where a scene has several minima, as with the obstacle and a shear limit,
+meshes and solvers may end in different ones, and a row is then as far from the reference as the
+minima are. Energies below 1e-17 mean zero."""
 
 
 def jobs(scene, meshes):

@@ -28,13 +28,13 @@ import ngsolve as ngs
 import numpy as np
 
 import ngcloth
-from ngcloth.constrained import ConstrainedLagrangian
+from ngcloth.energy.constrained import ConstrainedLagrangian
+from ngcloth.energy.sampling import RimPoints, Sampling
 from ngcloth.errors import InputError
-from ngcloth.history import Reason
-from ngcloth.result import Result
-from ngcloth.sampling import RimPoints, Sampling
-from ngcloth.solve import make_mesh
-from ngcloth.start import feasible_start
+from ngcloth.result.history import Reason
+from ngcloth.result.result import Result
+from ngcloth.solver.solve import make_mesh
+from ngcloth.solver.start import feasible_start
 
 try:
     import casadi as ca

@@ -25,9 +25,9 @@ import obstacle
 import ngcloth
 from ngcloth import scenes
 from ngcloth.chebyshev import ChebyshevNet
-from ngcloth.constrained import ConstrainedLagrangian
-from ngcloth.solve import make_mesh
-from ngcloth.start import feasible_start
+from ngcloth.energy.constrained import ConstrainedLagrangian
+from ngcloth.solver.solve import make_mesh
+from ngcloth.solver.start import feasible_start
 
 SCENES = {"hemisphere, Chebyshev": lambda: scenes.hemisphere()}
 SCENES |= {f"hemisphere, ks = {ks}": lambda ks=ks: scenes.hemisphere(ks) for ks in (1, 10, 100)}

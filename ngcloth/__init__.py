@@ -1,20 +1,21 @@
 """ngcloth: which flat piece of woven cloth best covers a given curved surface?"""
 
-from . import scenes
-from .certificate import verify
-from .constraints import Elongation, Obstacle, ShearLimit
-from .domain import Disk, Domain, Rectangle
-from .errors import InputError, SolveError
-from .fabric import Net
-from .history import Reason
-from .load import load
-from .report import report
-from .result import Result
-from .scene import Scene
-from .solve import minima, solve
-from .surface import Surface
+from importlib import import_module
 
-__version__ = "0.1.0"
+from . import scenes
+from .errors import InputError, SolveError
+from .output.report import report
+from .problem.constraints import Elongation, Obstacle, ShearLimit
+from .problem.domain import Disk, Domain, Rectangle
+from .problem.fabric import Net
+from .problem.scene import Scene
+from .problem.surface import Surface
+from .result.certificate import verify
+from .result.history import Reason
+from .result.load import load
+from .result.result import Result
+from .solver.solve import minima, solve
+from .version import __version__ as __version__
 
 __all__ = [
     "Disk",
@@ -37,3 +38,10 @@ __all__ = [
     "solve",
     "verify",
 ]
+
+
+def __getattr__(name):
+    """`fields`, `plot` and `view`, loaded when they are asked for: plotting takes a second."""
+    if name in ("fields", "plot", "view"):
+        return import_module(f".output.{name}", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

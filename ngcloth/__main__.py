@@ -15,11 +15,11 @@ from functools import partial
 from pathlib import Path
 
 from .errors import InputError
-from .history import Reason
-from .progress import ProgressBar
-from .result import Result
+from .output.progress import ProgressBar
+from .result.history import Reason
+from .result.result import Result
 from .scenes import NAMED
-from .solve import solve
+from .solver.solve import solve
 
 CONVERGED, NOT_CONVERGED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 SETTINGS = ("maxh", "order", "barrier_end", "max_steps")
@@ -31,7 +31,7 @@ STATUS = (
 
 
 def _report(result, path):
-    from .report import report
+    from .output.report import report
 
     there = [name for name in FILES if (path.parent / name).is_file() and name != path.name]
     report(result, path, there)

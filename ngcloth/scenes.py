@@ -6,12 +6,12 @@ import inspect
 import ngsolve as ngs
 import numpy as np
 
-from .constraints import Elongation, Obstacle, ShearLimit
-from .domain import Disk, Rectangle
 from .errors import InputError, check_number
-from .fabric import Net
-from .scene import Scene
-from .surface import Surface
+from .problem.constraints import Elongation, Obstacle, ShearLimit
+from .problem.domain import Disk, Rectangle
+from .problem.fabric import Net
+from .problem.scene import Scene
+from .problem.surface import Surface
 
 NAMED = {}
 

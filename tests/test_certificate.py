@@ -10,8 +10,8 @@ from netgen.occ import OCCGeometry
 
 import ngcloth
 from ngcloth import Net, Rectangle, Result, Scene, Surface, solve
-from ngcloth.certificate import _crossing, _StationaryPoint, _unfolded, least_eigenvalue
-from ngcloth.history import Reason
+from ngcloth.result.certificate import _crossing, _StationaryPoint, _unfolded, least_eigenvalue
+from ngcloth.result.history import Reason
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
 
 PLANE = Surface(lambda x, y: (x, y, 0 * x), Rectangle((0, 1), (0, 1)))

@@ -10,9 +10,9 @@ from ngcloth.chebyshev import (
     sphere_angle,
     sphere_singular_portion,
 )
-from ngcloth.domain import Disk, Rectangle
 from ngcloth.errors import InputError
-from ngcloth.surface import Surface
+from ngcloth.problem.domain import Disk, Rectangle
+from ngcloth.problem.surface import Surface
 
 
 def sphere(portion):

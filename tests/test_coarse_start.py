@@ -9,9 +9,11 @@ import pytest
 
 import ngcloth
 from ngcloth import Reason, scenes
-from ngcloth.interior_point import WARM_MU
+from ngcloth.solver.interior_point import WARM_MU
 
-solving, interior_point = map(import_module, ("ngcloth.solve", "ngcloth.interior_point"))
+solving, interior_point = map(
+    import_module, ("ngcloth.solver.solve", "ngcloth.solver.interior_point")
+)
 
 
 @pytest.fixture

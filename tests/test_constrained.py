@@ -19,15 +19,15 @@ from ngcloth import (
     Surface,
     solve,
 )
-from ngcloth.constrained import ConstrainedLagrangian
-from ngcloth.constraints import RIM_SHARE
-from ngcloth.history import Reason, Recorder
-from ngcloth.interior_point import Iterate
-from ngcloth.kinematics import Kinematics, virtual_strain
-from ngcloth.saddle_system import ACCURACY, SaddleSystem, _pivots
+from ngcloth.energy.constrained import ConstrainedLagrangian
+from ngcloth.problem.constraints import RIM_SHARE
+from ngcloth.problem.kinematics import Kinematics, virtual_strain
+from ngcloth.result.history import Reason, Recorder
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
-from ngcloth.solve import make_mesh
-from ngcloth.start import feasible_start
+from ngcloth.solver.interior_point import Iterate
+from ngcloth.solver.saddle_system import ACCURACY, SaddleSystem, _pivots
+from ngcloth.solver.solve import make_mesh
+from ngcloth.solver.start import feasible_start
 
 # Directions in the quarter of a symmetric disk.
 ROUND = [(np.cos(a), np.sin(a)) for a in np.radians((10, 30, 45, 70))]

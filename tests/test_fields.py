@@ -309,6 +309,6 @@ def test_results_export_themselves(tmp_path, own):
 
 def test_import_loads_no_plotting():
     heavy = {"matplotlib", "pyvista", "vtkmodules"}
-    code = f"import sys, ngcloth.fields; print({heavy} & set(sys.modules))"
+    code = f"import sys, ngcloth.output.fields; print({heavy} & set(sys.modules))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "set()"

@@ -6,10 +6,10 @@ import pytest
 
 import ngcloth
 from ngcloth import Disk, Net, Rectangle, Scene, Surface
-from ngcloth.kinematics import Kinematics, gradient
-from ngcloth.lagrangian import Lagrangian
-from ngcloth.newton import newton_step
-from ngcloth.solve import make_mesh
+from ngcloth.energy.lagrangian import Lagrangian
+from ngcloth.problem.kinematics import Kinematics, gradient
+from ngcloth.solver.newton import newton_step
+from ngcloth.solver.solve import make_mesh
 
 
 def discretised(scene, maxh=0.4, order=3, quadrature=None, gauss_newton=False):

@@ -13,7 +13,7 @@ import pytest
 
 import ngcloth
 from ngcloth import Reason, Scene, solve
-from ngcloth.constrained import ConstrainedLagrangian
+from ngcloth.energy.constrained import ConstrainedLagrangian
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
 
 SCENES = {"Chebyshev": (hemicatenoid(), 0.3), "limits": (hemisphere(10.0), 0.3)}

@@ -12,7 +12,7 @@ import pytest
 
 import ngcloth
 from ngcloth import Disk, InputError, Net, Rectangle, Scene, Surface
-from ngcloth.pattern import cut_pattern, pinning_marks
+from ngcloth.output.pattern import cut_pattern, pinning_marks
 
 ezdxf = pytest.importorskip("ezdxf")
 shapely = pytest.importorskip("shapely")

@@ -9,7 +9,7 @@ import pytest
 
 import ngcloth
 from ngcloth import __main__ as cli
-from ngcloth.progress import ProgressBar
+from ngcloth.output.progress import ProgressBar
 from ngcloth.scenes import hemisphere
 
 pytest.importorskip("tqdm")

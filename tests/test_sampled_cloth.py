@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from test_constrained import TAYLOR, discretised
 
-from ngcloth.kinematics import Kinematics, gradient
-from ngcloth.sampled_cloth import SampledExpressions
+from ngcloth.energy.sampled_cloth import SampledExpressions
+from ngcloth.problem.kinematics import Kinematics, gradient
 
 FELT = {
     "stretches and shear": lambda cloth: [cloth.stretch1, cloth.stretch2, cloth.shear],

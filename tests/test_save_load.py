@@ -19,8 +19,8 @@ import pytest
 
 import ngcloth
 from ngcloth import Disk, Elongation, InputError, Net, Reason, Rectangle, Scene, ShearLimit, Surface
-from ngcloth.history import Row
-from ngcloth.save import CHECKSUMS, FILES
+from ngcloth.result.history import Row
+from ngcloth.result.save import CHECKSUMS, FILES
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
 
 FIELDS = ("stretch1", "stretch2", "shear", "reaction", "jacobian")

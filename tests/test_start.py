@@ -18,12 +18,12 @@ from ngcloth import (
     scenes,
     solve,
 )
-from ngcloth.constrained import ConstrainedLagrangian
-from ngcloth.history import Recorder
-from ngcloth.interior_point import interior_point
-from ngcloth.kinematics import gradient
-from ngcloth.solve import make_mesh
-from ngcloth.start import STRETCHED, dilate, feasible_start, flatten, near_start
+from ngcloth.energy.constrained import ConstrainedLagrangian
+from ngcloth.problem.kinematics import gradient
+from ngcloth.result.history import Recorder
+from ngcloth.solver.interior_point import interior_point
+from ngcloth.solver.solve import make_mesh
+from ngcloth.solver.start import STRETCHED, dilate, feasible_start, flatten, near_start
 
 BUMP = Surface(lambda x, y: (x, y, ngs.exp(-(x * x + y * y) / 0.09)), Disk())
 FAR = scenes.sphere(0.95, shear_limit=cos(pi / 6))  # λ up to 40 at its start

@@ -7,7 +7,7 @@ from test_constrained import TAYLOR, derivative, discretised, vector
 
 import ngcloth
 from ngcloth import Elongation, Scene
-from ngcloth.sampling import RimPoints, Sampling
+from ngcloth.energy.sampling import RimPoints, Sampling
 
 
 class Felt:

@@ -1,0 +1,135 @@
+"""A scene on a mesh: the compound H1 space, the state, and geometry as numbers."""
+
+from functools import wraps
+
+import ngsolve as ngs
+import numpy as np
+
+from ..errors import InputError
+from ..problem.kinematics import gradient
+from .sampling import Points
+
+
+def of_state(evaluate):
+    """Make a method keep its last value, and return it for as long as `unknowns` are the same."""
+    name = f"_kept_{evaluate.__name__}"
+
+    @wraps(evaluate)
+    def kept(self):
+        now = self.unknowns.tobytes()  # compared faster than numbers are
+        at, value = getattr(self, name, (None, None))
+        if at != now:
+            value = evaluate(self)
+            setattr(self, name, (now, value))
+        return value
+
+    return kept
+
+
+class Discretisation:
+    """What all scenes need on a mesh.
+
+    Parameters
+    ----------
+    scene : Scene
+    mesh : ngsolve.Mesh
+        Curved to `order`.
+    order : int
+        Polynomial order of ψ.
+    quadrature : int
+        Degree of the integration rule, the same for every term and every feasibility check.
+    inverse : str
+        NGSolve's name of the direct solver.
+
+    Attributes
+    ----------
+    state : GridFunction
+        The current ψ.
+    unknowns : ndarray, (dofs,)
+        The numbers of `state`, in the memory of these.
+    mu : float
+        Weight of the term that the outer loop drives to zero.
+    points : Points
+        Where all integrals are sampled.
+    free : BitArray
+        The unknowns that move.
+    area : float
+        Of the surface over the mesh.
+    flow : BaseMatrix
+        Inner product of the gradient flow.
+    """
+
+    def __init__(self, scene, mesh, order, quadrature, inverse):
+        self.scene, self.inverse, self.mu = scene, inverse, 0.0
+        mirrors = ("mirror1", "mirror2") if scene.symmetric else ("", "")
+        self.fes = ngs.FESpace(self._spaces(mesh, order, mirrors))
+        self.state = ngs.GridFunction(self.fes, name="state")
+        self.unknowns = self.state.vec.FV().NumPy()
+        self.free = self._free_dofs()
+        for component, value in zip(self._psi, scene.start_expression(), strict=True):
+            component.Set(value)
+        if scene.symmetric:
+            # Set leaves its projection error on the mirror lines, where nothing would remove it.
+            self.state.vec.data = ngs.Projector(self.free, True) * self.state.vec
+
+        self.points = Points(mesh, quadrature)
+        # Geometry enters as numbers at the integration points, not as expressions of θ: any
+        # chart then costs what the simplest one does.
+        self._metric = self._frozen_symmetric(scene.surface.metric)
+        self.area = ngs.Integrate(ngs.sqrt(ngs.Det(self._metric)) * self.points.dx, mesh)
+        self.flow = self._h1_matrix({0: ngs.Id(2)})
+
+    def _spaces(self, mesh, order, mirrors):
+        return [ngs.H1(mesh, order=order, dirichlet=line) for line in mirrors]
+
+    @property
+    def _psi(self):
+        return self.state.components[:2]
+
+    def _free_dofs(self):
+        """All degrees of freedom but those on mirror lines; without mirrors, but one vertex.
+
+        Energies do not change under translations of ψ, so holding one vertex takes nothing away.
+        """
+        free = ngs.BitArray(self.fes.FreeDofs())
+        if not self.scene.symmetric:
+            free.Clear(self.fes.Range(0).start)
+            free.Clear(self.fes.Range(1).start)
+        return free
+
+    def _frozen(self, *expressions, points=None):
+        points = points or self.points
+        values = points.sample(ngs.CF(expressions).Compile())
+        if not np.isfinite(values).all():
+            allowed = "finite with its derivatives at all integration points"
+            raise InputError("chart", self.scene.surface.chart, allowed)
+        return [points.field(row) for row in values]
+
+    def _frozen_symmetric(self, tensor, points=None):
+        t11, t12, t22 = self._frozen(tensor[0, 0], tensor[0, 1], tensor[1, 1], points=points)
+        return ngs.CF((t11, t12, t12, t22), dims=(2, 2))
+
+    def _density(self, cloth):
+        fabric, cost = self.scene.fabric, self.scene.cost
+        density = fabric.energy(cloth.I4, cloth.I6, cloth.I8) if cost is None else cost(cloth)
+        return density / fabric.stiffness
+
+    def _symbolic_energy(self, density):
+        form = ngs.BilinearForm(self.fes, symmetric=True)
+        form += ngs.Variation(density.Compile() * self.points.dx)
+        return form
+
+    def _h1_matrix(self, products):
+        """The H¹ seminorm on the surface of pairs of components of the space.
+
+        ∫ √det a  a^{αβ} ∂αψ·∂βψ does not depend on the chart; where the chart is conformal it is
+        the paper's ∫ ∇ψ:∇ψ (eq. 23). `products` has the inner product (2, 2) of each pair, by the
+        number of its first component.
+        """
+        weight = ngs.Cof(self._metric) / ngs.sqrt(ngs.Det(self._metric))
+        trial, test = self.fes.TnT()
+        form = ngs.BilinearForm(self.fes, symmetric=True)
+        for i, product in products.items():
+            u, v = (gradient(*pair[i : i + 2]) for pair in (trial, test))
+            form += ngs.InnerProduct(product * u * weight, v) * self.points.dx
+        return form.Assemble().mat

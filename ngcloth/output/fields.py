@@ -1,0 +1,360 @@
+"""Files of a `Result` for other programs: fields for ParaView, threads, surfaces, fibres."""
+
+from pathlib import Path
+
+import ngsolve as ngs
+import numpy as np
+
+from ..errors import InputError, check_number
+from ..problem.kinematics import Kinematics, gradient
+from .plot import sample, thread_levels
+
+# A limit counts as active where its slack is below this share of its greatest value. The barrier
+# keeps slacks off zero: at 1 % the belts in which limits are active fall to pieces, at 5 % not.
+ACTIVE = 5e-2
+RINGS = 120  # of the triangles of `surface`: twice as fine as pictures, for areas to 1e-4
+
+
+def vtu(result, path):
+    """Write the cloth with its fields for ParaView: on the surface, and flat.
+
+    Parameters
+    ----------
+    result : Result
+        Solved or loaded.
+    path : path
+        Ends in ".vtu"; the flat patch goes beside it, "cloth.vtu" and "cloth_flat.vtu".
+
+    Returns
+    -------
+    tuple of Path
+        The two files.
+
+    Raises
+    ------
+    InputError
+        If the path has another ending, or its folder does not exist.
+
+    Notes
+    -----
+    Cells are Lagrange triangles of the order of ψ, 2 at least: one for each element and mirror
+    image, numbered by the cell array "element". The flat ones are exact; those on the surface
+    interpolate it. ParaView draws them curved from a "Nonlinear Subdivision Level" of 2 on.
+    Fields jump between elements, and so each cell has points of its own. Cells of the surface
+    face the side of the cloth, `Surface.normal`; flat cells face upwards, so that where ``side``
+    is -1 the flat patch shows the face that lies on the surface.
+
+    Both files have the point data of `element_fields`, and the field data "converged", 0 or 1.
+    """
+    import pyvista as pv
+
+    files = _files(path, ".vtu")
+    nodes, swapped = _lagrange_nodes(max(result.settings["order"], 2))
+    fields = element_fields(result, nodes)
+    n, m = fields["psi"].shape[:2]
+    cells = np.arange(n * m).reshape(n, m)
+    sides = fields["theta"][:, 1:3] - fields["theta"][:, :1]
+    orientation = np.sign(np.linalg.det(sides))  # mirror images turn their element over
+    for file, place, side in zip(
+        files, ("position", "psi"), (result.scene.surface.side, 1), strict=True
+    ):
+        facing = np.where(side * orientation[:, None] > 0, cells, cells[:, swapped])
+        faces = np.column_stack([np.full(n, m), facing])
+        types = np.full(n, pv.CellType.LAGRANGE_TRIANGLE)
+        grid = pv.UnstructuredGrid(faces.ravel(), types, fields[place].reshape(-1, 3))
+        for name, values in fields.items():
+            grid.point_data[name] = values.reshape(n * m, *values.shape[2:])
+        grid.cell_data["element"] = np.arange(n)
+        grid.field_data["converged"] = [int(result.converged)]
+        grid.save(file)
+    return files
+
+
+def threads(result, path, pitch):
+    """Write threads as polylines of a VTK file: on the surface, and flat.
+
+    Parameters
+    ----------
+    result : Result
+        Solved or loaded.
+    path : path
+        Ends in ".vtp"; the flat threads go beside it, "threads.vtp" and "threads_flat.vtp".
+    pitch : float
+        Distance between neighbours on the flat patch, in units of length. Warp threads are the
+        lines X2 = const, weft threads X1 = const, at the multiples of `pitch`.
+
+    Returns
+    -------
+    tuple of Path
+        The two files.
+
+    Raises
+    ------
+    InputError
+        If the path has another ending, or its folder does not exist; if the pitch is not a
+        length > 0 that has threads on the patch.
+
+    Notes
+    -----
+    The points lie on the surface, and on their thread to rounding, its ends to about 1e-6. A
+    thread runs in the direction of growing X1 or X2, to within 1e-4 of the domain's size from the
+    rim; the domain has to be star-shaped. Cell data: "weft", 0 or 1, and "level", the constant X2
+    or X1. Point data: "psi" and "position".
+    """
+    import pyvista as pv
+
+    files = _files(path, ".vtp")
+    check_number("pitch", pitch, 0, open_low=True)
+    lines = thread_lines(result, pitch)
+    theta = np.concatenate([line for _, _, line in lines])
+    lengths = np.array([len(line) for _, _, line in lines])
+    first = np.cumsum(lengths) - lengths
+    cells = [np.r_[n, i : i + n] for i, n in zip(first, lengths, strict=True)]
+    target = result.scene.surface
+    places = {
+        "position": target.evaluate(target.position, theta),
+        "psi": _in_space(result.psi(*theta.T)),
+    }
+    for file, points in zip(files, places.values(), strict=True):
+        mesh = pv.PolyData(points, lines=np.concatenate(cells))
+        mesh.cell_data["weft"] = np.array([family for family, _, _ in lines])
+        mesh.cell_data["level"] = np.array([level for _, level, _ in lines])
+        mesh.point_data.update(places)
+        mesh.save(file)
+    return files
+
+
+def surface(result, path):
+    """Write the surface and the flat patch as triangles, STL or OBJ.
+
+    Parameters
+    ----------
+    result : Result
+        Solved or loaded.
+    path : path
+        Ends in ".stl" or ".obj"; the patch goes beside it, "dome.obj" and "dome_flat.obj".
+
+    Returns
+    -------
+    tuple of Path
+        The two files.
+
+    Raises
+    ------
+    InputError
+        If the path has another ending, or its folder does not exist.
+
+    Notes
+    -----
+    The points are those of `ngcloth.plot.sample`, which lie on the surface; so its domain has to
+    be star-shaped. They are as many as give the areas to 1e-4, on up to 85 % of a sphere.
+    Triangles of the surface face the side of the cloth, those of the patch upwards.
+
+    In OBJ files the texture coordinates UV of a point are its flat position, in units of length.
+    Where `Surface.side` is -1, as on a sphere, the patch is drawn from its inner face: seen from
+    outside, UV are left-handed, and writing in a texture would be mirrored.
+    """
+    import pyvista as pv
+
+    files = _files(path, ".stl", ".obj")
+    target = result.scene.surface
+    theta, triangles = sample(result, RINGS)
+    psi = result.psi(*theta.T)
+    places = (target.evaluate(target.position, theta), _in_space(psi))
+    for file, points, side in zip(files, places, (target.side, 1), strict=True):
+        mesh = pv.PolyData.from_regular_faces(points, triangles[:, ::side])
+        mesh.active_texture_coordinates = psi
+        mesh.save(file)
+    return files
+
+
+def fibres(result, path):
+    """Write the thread directions of every element as a table of comma-separated values.
+
+    Parameters
+    ----------
+    result : Result
+        Solved or loaded.
+    path : path
+        Ends in ".csv".
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    InputError
+        If the path has another ending, or its folder does not exist.
+
+    Notes
+    -----
+    One row for each element and mirror image, in the order of the cells of `vtu`: its number, the
+    point x, y, z of the surface at its centroid (units of length), and there the unit vectors
+    along warp and weft, both stretches, and the angle between the threads in degrees.
+    """
+    file, _ = _files(path, ".csv")
+    fields = {name: v[:, 0] for name, v in element_fields(result, [(1 / 3, 1 / 3)]).items()}
+    columns = ["position", "warp", "weft", "stretch1", "stretch2", "angle"]
+    rows = np.column_stack([np.arange(len(fields["angle"])), *(fields[c] for c in columns)])
+    header = "element,x,y,z,warp_x,warp_y,warp_z,weft_x,weft_y,weft_z,stretch1,stretch2,angle_deg"
+    np.savetxt(file, rows, ["%d"] + ["%.12g"] * 12, ",", header=header, comments="")
+    return file
+
+
+def element_fields(result, points):
+    """All fields at the same points of every element, mirror images of elements included.
+
+    Parameters
+    ----------
+    result : Result
+        Its fields are evaluated in each element of its mesh.
+    points : array_like, (m, 2)
+        Points of the reference triangle (0, 0), (1, 0), (0, 1).
+
+    Returns
+    -------
+    dict of ndarray, (n, m) or (n, m, components), for n elements
+        "theta": parameter point, 2 components. "psi" and "position": the point on the flat patch,
+        its third component 0, and on the surface. "warp" and "weft": unit vectors along the
+        threads, tangent to the surface. "stretch1", "stretch2", "shear", "reaction", "jacobian":
+        as `Result.field` gives them, τ in units of force per flat area. "angle": between the
+        threads, in degrees. "active_…", 0 or 1: whether the limit of that name is active, which
+        means a slack below 5 % of its greatest value here; the slacks of a limit that has
+        several are numbered, as in "active_elongation_1" for the warp.
+    """
+    scene, target = result.scene, result.scene.surface
+    mesh, flat = result.state.space.mesh, result.state.components[:2]
+    cloth = Kinematics(gradient(*flat), target.metric, scene.fabric, lambda: target.curvature)
+    rule = ngs.IntegrationRule([tuple(point) for point in points], [0.0] * len(points))
+    mapped = mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)
+    signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)][: scene.copies])[:, None, None, :]
+
+    def at(expression):
+        values = np.asarray(expression.Compile()(mapped))
+        return values.reshape(mesh.ne, len(points), *expression.dims)
+
+    def joined(values):
+        return np.concatenate(np.broadcast_to(values, (scene.copies, *values.shape[-2:])))
+
+    centre = target.domain.centre
+    theta = np.concatenate(centre + signs * (at(ngs.CF((ngs.x, ngs.y))) - centre))
+    psi = np.concatenate(signs * at(ngs.CF(tuple(flat))))
+    slopes = np.concatenate(signs[..., :, None] * signs[..., None, :] * at(cloth.gradient))
+    tangents = ngs.CF((target.position.Diff(ngs.x), target.position.Diff(ngs.y)), dims=(2, 3))
+    threads = np.swapaxes(np.linalg.inv(slopes), -1, -2) @ target.evaluate(tangents, theta)
+    stretches = np.linalg.norm(threads, axis=-1)
+    warp, weft = np.moveaxis(threads / stretches[..., None], -2, 0)
+    shear = np.einsum("...i,...i->...", warp, weft)
+    fields = {
+        "theta": theta,
+        "psi": _in_space(psi),
+        "position": target.evaluate(target.position, theta),
+        "warp": warp,
+        "weft": weft,
+        "stretch1": stretches[..., 0],
+        "stretch2": stretches[..., 1],
+        "shear": shear,
+        "angle": np.degrees(np.arccos(np.clip(shear, -1, 1))),
+        "reaction": joined(at(cloth.reaction)),
+        "jacobian": np.linalg.det(slopes),
+    }
+    for limit in scene.constraints:
+        slacks = limit.slacks(cloth)
+        for k, slack in enumerate(map(at, slacks), 1):
+            name = f"active {limit.name}" + (f" {k}" if len(slacks) > 1 else "")
+            active = slack < ACTIVE * slack.max()
+            fields[name.replace(" ", "_")] = joined(active.astype(np.uint8))
+    return fields
+
+
+def thread_lines(result, pitch):
+    """The threads at the multiples of `pitch`, as lines of parameter points.
+
+    Parameters
+    ----------
+    result : Result
+        Its threads are traced on all of the cloth, mirror images included.
+    pitch : float
+        As for `threads`.
+
+    Returns
+    -------
+    list of (weft, level, theta)
+        ``weft`` is 0 for a warp thread X2 = level and 1 for a weft thread X1 = level; ``theta``,
+        (n, 2), runs along it. A thread that leaves the patch and comes back is several lines.
+    """
+    from matplotlib.figure import Figure
+
+    theta, triangles = sample(result)
+    psi = result.psi(*theta.T)
+    levels = [thread_levels(psi[:, 1 - weft], pitch) for weft in (0, 1)]
+    axes = Figure().subplots()
+    found = []
+    for weft in (0, 1):
+        contours = axes.tricontour(*theta.T, triangles, psi[:, 1 - weft], levels=levels[weft])
+        for level, pieces in zip(levels[weft], contours.allsegs, strict=True):
+            # The side of larger values is on the left of a contour.
+            found += [(weft, level, piece[::-1] if weft else piece) for piece in pieces]
+    lengths = [len(line) for _, _, line in found]
+    weft, level = (np.repeat([line[i] for line in found], lengths) for i in (0, 1))
+    exact = _onto_threads(result, weft, level, np.concatenate([line for _, _, line in found]))
+    pieces = np.split(exact, np.cumsum(lengths)[:-1])
+    return [(*line[:2], _apart(piece)) for line, piece in zip(found, pieces, strict=True)]
+
+
+def _onto_threads(result, weft, level, theta, steps=5):
+    """Points of the domain beside their threads, (n, 2), moved onto them by Newton's method."""
+    domain = result.scene.surface.domain
+    low, high = np.array(domain.box).T
+    nearby = 1e-6 * domain.diameter * np.eye(2)
+
+    def component(theta):
+        return result.psi(*theta.T)[np.arange(len(theta)), 1 - weft]
+
+    for _ in range(steps):
+        # Slopes are taken a little inside the rim, that there be room for the differences.
+        inside = theta + 1e-4 * (domain.centre - theta)
+        slope = np.stack([component(inside + s) - component(inside - s) for s in nearby], axis=-1)
+        slope /= 2 * nearby.max()
+        excess = (component(theta) - level) / (slope**2).sum(axis=1)
+        moved = np.clip(theta - excess[:, None] * slope, low, high)
+        theta = np.where(domain.contains(moved)[:, None], moved, theta)
+    return theta
+
+
+def _apart(line):
+    """A line without the points that repeat the one before."""
+    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    return line[np.r_[True, steps > 1e-9 * steps.sum()]]
+
+
+def _lagrange_nodes(order):
+    """Where VTK has the points of a Lagrange triangle, (m, 2), and their order seen from behind."""
+    from vtkmodules.vtkCommonDataModel import vtkLagrangeTriangle
+
+    indices = np.zeros(((order + 1) * (order + 2) // 2, 3), dtype=int)
+    for i, index in enumerate(indices):
+        barycentric = [0, 0, 0]
+        vtkLagrangeTriangle.BarycentricIndex(i, barycentric, order)
+        index[:] = barycentric
+    behind = [vtkLagrangeTriangle.Index((j, i, k), order) for i, j, k in indices.tolist()]
+    return indices[:, :2] / order, behind
+
+
+def _in_space(flat):
+    """Points of the plane, (..., 2), as points of space with third component 0."""
+    return np.concatenate([flat, np.zeros_like(flat[..., :1])], axis=-1)
+
+
+def _files(path, *endings):
+    """The checked path, and its sibling for the flat patch."""
+    try:
+        path = Path(path)
+    except TypeError:
+        raise InputError("path", path, "a path") from None
+    if path.suffix.lower() not in endings:
+        raise InputError("path", str(path), "a file name that ends in " + " or ".join(endings))
+    if not path.parent.is_dir():
+        raise InputError("path", str(path), "a file in a folder that exists")
+    return path, path.with_stem(path.stem + "_flat")

@@ -1,0 +1,232 @@
+"""One page about a result, to open in a browser without a network."""
+
+import base64
+import io
+import json
+from html import escape
+from importlib.resources import files as package_files
+from string import Template
+from urllib.parse import quote
+
+import numpy as np
+
+from ..errors import InputError
+from .fields import _files
+from .plot import (
+    LABELS,
+    central_frame,
+    colours,
+    default_pitch,
+    draw,
+    plain,
+    sample,
+    sampled_field,
+)
+
+RINGS = 30  # of the cloth to turn, see `sample`
+SIZE, DPI = (4.6, 3.5), 170  # inches, pixels per inch: letters stay readable in a column
+
+
+def report(result, path, files=()):
+    """Write one self-contained HTML page: scene, certificate, numbers, figures, the cloth to turn.
+
+    Parameters
+    ----------
+    result : Result
+        If it has not converged, the page says so at its top, and why.
+    path : path
+        Ends in ".html".
+    files : sequence of path, optional
+        Exported files and folders to link to, in the folder of the page or below it; relative
+        paths start there.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    InputError
+        If the path has another ending or its folder does not exist, or a file to link to is not
+        there; before anything is computed.
+
+    Notes
+    -----
+    The page loads nothing: figures are PNG within it, the cloth is drawn by a script of its own.
+    The domain has to be star-shaped about its centre, see `ngcloth.plot.sample`.
+    """
+    page, _ = _files(path, ".html")
+    links = _links(page.parent, files)
+    fields = ["stretch1", "stretch2", "shear"]
+    if not result.scene.inextensible:
+        fields.append("reaction")
+    certificate = result.certificate()
+    kind, verdict = _verdict(result, certificate)
+    template = package_files(__package__).joinpath("report.html").read_text(encoding="utf-8")
+    text = Template(template).substitute(
+        title=escape(result.scene.name),
+        kind=kind,
+        verdict=escape(verdict),
+        certificate=_certificate(certificate),
+        scene="".join(f"<div>{escape(line)}</div>" for line in str(result.scene).splitlines()),
+        numbers=_table(_numbers(result)),
+        extrema=_table(_extrema(result)),
+        settings=_table(_settings(result)),
+        figures="\n".join(_figures(result, fields)),
+        links=links,
+        cloth=json.dumps(_cloth(result, fields), separators=(",", ":"), allow_nan=False),
+    )
+    page.write_text(text, encoding="utf-8")
+    return page
+
+
+def _links(folder, files):
+    """The section that links to files below `folder`; empty if there are none."""
+    items = []
+    if isinstance(files, str):
+        raise InputError("files", files, "a sequence of paths")
+    for file in files:
+        try:
+            target = (folder / file).resolve().relative_to(folder.resolve())
+        except (TypeError, ValueError):
+            raise InputError("files", file, "paths in the folder of the page") from None
+        if not (folder / target).exists():
+            raise InputError("files", str(file), f"paths that exist in {folder.resolve()}")
+        name = target.as_posix()
+        items.append(f'<li><a href="{quote(name)}">{escape(name)}</a></li>')
+    return f"<h2>Files</h2>\n<ul>{''.join(items)}</ul>" if items else ""
+
+
+def _verdict(result, certificate):
+    """How the page begins: a class of its style, and a sentence."""
+    certified = "certified:" if certificate.certified else "not certified:"
+    if not result.converged:
+        reason = str(result.reason)
+        return "bad", (
+            f"Not converged. {reason[0].upper()}{reason[1:]}. "
+            f"What follows is the last good iterate, not a solution; it is {certified}"
+        )
+    if not certificate.certified:
+        return "doubtful", f"Converged, but {certified}"
+    return "good", f"Converged and {certified}"
+
+
+def _certificate(certificate):
+    """What the certificate says, as items: each fault, or how well all holds."""
+    said = certificate.faults or [str(certificate).removeprefix("certified: ")]
+    return "".join(f"<li>{escape(each)}</li>" for each in said)
+
+
+def _numbers(result):
+    rows = [
+        ("energy E [stiffness × length²]", f"{result.energy:.6g}"),
+        ("energy E/(2π kc)", f"{result.normalized_energy:.6g}"),
+        ("area of the flat patch [length²]", f"{result.area:.6g}"),
+    ]
+    if result.scene.constraints:
+        rows.append(("force out of equilibrium, share", f"{result.equilibrium_residual:.2g}"))
+    return [
+        *rows,
+        ("accepted steps", len(result.history)),
+        ("Newton steps", result.newton_iterations),
+        ("time of the solve [s]", f"{result.seconds:.2f}"),
+        ("why it stopped", result.reason),
+    ]
+
+
+def _extrema(result):
+    rows = [("field", "least", "greatest")]
+    for name, limits in result.extrema.items():
+        unit = result.scene.fabric.stiffness if name == "reaction" else 1.0
+        rows.append((plain(LABELS[name]), *(f"{value / unit:.6g}" for value in limits)))
+    return rows
+
+
+def _settings(result):
+    from ..version import __version__
+
+    return [*result.settings.items(), ("ngcloth", __version__)]
+
+
+def _table(rows):
+    """Rows of HTML; the first cell of each is its heading."""
+    lines = []
+    for head, *cells in rows:
+        cells = "".join(f"<td>{escape(str(cell))}</td>" for cell in cells)
+        lines.append(f"<tr><th>{escape(str(head))}</th>{cells}</tr>")
+    return "\n".join(lines)
+
+
+def _figures(result, fields):
+    """The figures of the page, patch first and history last."""
+    pitch = default_pitch(result.outline())
+    yield _figure(
+        result,
+        f"The flat patch: warp threads in blue, weft threads in orange, {pitch:.3g} apart.",
+    )
+    for field in fields:
+        yield _figure(result, f"On the patch: {plain(LABELS[field])}.", field)
+    if result.history:
+        yield _figure(result, "How the solve went, step by step.", where="history")
+    else:
+        yield "<p>The solve accepted no step, and so has no history.</p>"
+
+
+def _figure(result, caption, field=None, where="patch"):
+    from matplotlib.figure import Figure
+
+    figure, picture = Figure(figsize=SIZE, layout="compressed"), io.BytesIO()
+    draw(result, field, where, figure.subplots())
+    figure.savefig(picture, format="png", dpi=DPI)
+    encoded = base64.b64encode(picture.getvalue()).decode()
+    return (
+        f'<figure><img alt="{escape(caption)}" src="data:image/png;base64,{encoded}">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
+
+
+def _cloth(result, fields):
+    """The surface for the script of the page, all numbers whole to keep it small.
+
+    Per point: its place in the frame of the centre, in a ball of radius 10000; its normal, times
+    100; "lines", in thousandths: X1 and X2 over the pitch, threads being where they are integers,
+    and the number of rings to the rim. Per field and point: a place from 0 to 255 on a map of
+    colours.
+    """
+    surface = result.scene.surface
+    theta, triangles = sample(result, RINGS)
+    frame = central_frame(surface)
+    points = surface.evaluate(surface.position, theta) @ frame.T
+    points -= (points.min(axis=0) + points.max(axis=0)) / 2
+    points /= np.linalg.norm(points, axis=1).max()
+    psi = result.psi(*theta.T)
+    from_rim = np.append(RINGS, np.repeat(np.arange(RINGS)[::-1], 4 * RINGS))
+    lines = np.column_stack([psi / default_pitch(psi), from_rim])
+
+    def whole(values):
+        return np.rint(values).astype(int).ravel().tolist()
+
+    return {
+        "points": whole(1e4 * points),
+        "normals": whole(1e2 * surface.evaluate(surface.normal, theta) @ frame.T),
+        "lines": whole(1e3 * lines),
+        "triangles": whole(triangles),
+        "fields": [_coloured(result, field, theta, whole) for field in fields],
+    }
+
+
+def _coloured(result, field, theta, whole):
+    from matplotlib import colormaps
+
+    values = sampled_field(result, field, theta)
+    chosen = colours(field, values)
+    low, high = chosen["vmin"], chosen["vmax"]
+    share = (values - low) / (high - low) if high > low else np.full_like(values, 0.5)
+    return {
+        "label": plain(LABELS[field]),
+        "low": f"{low:.3g}",
+        "high": f"{high:.3g}",
+        "values": whole(255 * share),
+        "colours": whole(255 * colormaps[chosen["cmap"]](np.arange(256))[:, :3]),
+    }

@@ -1,0 +1,161 @@
+"""Parameter domains U: where the chart of a surface lives."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError, check_integer, check_number
+
+# OpenCascade merges points within 1e-7; Netgen leaves parts of far larger or thinner faces bare.
+SMALLEST, LARGEST, LONGEST = 1e-5, 1e6, 1e4
+
+
+class Domain:
+    """A connected piece of the parameter plane that is mirror symmetric about its centre lines.
+
+    A domain of one's own supplies `box`, `contains`, `rim` and `_shape`, as the two below do.
+    """
+
+    @property
+    def centre(self):
+        """The point (θ1, θ2) in which the two mirror lines cross."""
+        (low1, high1), (low2, high2) = self.box
+        return np.array([(low1 + high1) / 2, (low2 + high2) / 2])
+
+    @property
+    def diameter(self):
+        """Length of the diagonal of the bounding box over √2; twice the radius of a disk."""
+        return float(np.linalg.norm(np.ptp(np.array(self.box), axis=1)) / np.sqrt(2))
+
+    def sample(self, n=25):
+        """Points of an n × n grid that lie in the closed domain, and of the rim, shape (m, 2)."""
+        grid = np.stack(np.meshgrid(*(np.linspace(*side, n) for side in self.box)), axis=-1)
+        grid = grid.reshape(-1, 2)
+        return np.concatenate([grid[self.contains(grid)], self.rim(4 * n)])
+
+    def face(self, symmetric=False):
+        """The OpenCascade face to be meshed, its edges named "rim", "mirror1" or "mirror2".
+
+        With `symmetric` it is the quarter beyond both mirror lines; "mirror1" is its edge on the
+        line θ1 = centre, "mirror2" the one on θ2 = centre.
+        """
+        from netgen.occ import MoveTo
+
+        face = self._shape()
+        c1, c2 = self.centre
+        if symmetric:
+            (_, high1), (_, high2) = self.box
+            face = face * MoveTo(c1, c2).Rectangle(2 * (high1 - c1), 2 * (high2 - c2)).Face()
+        tiny = 1e-9 * self.diameter
+        for edge in face.edges:
+            middle1, middle2, _ = edge.center
+            edge.name = "rim"
+            if symmetric and abs(middle1 - c1) < tiny:
+                edge.name = "mirror1"
+            elif symmetric and abs(middle2 - c2) < tiny:
+                edge.name = "mirror2"
+        return face
+
+
+@dataclass(frozen=True)
+class Disk(Domain):
+    """The disk |θ| < radius, 1e-5 <= radius <= 1e6."""
+
+    radius: float = 1.0
+
+    def __post_init__(self):
+        check_number("radius", self.radius, SMALLEST, LARGEST)
+
+    @property
+    def box(self):
+        """Bounding box ((low1, high1), (low2, high2))."""
+        return ((-self.radius, self.radius), (-self.radius, self.radius))
+
+    def contains(self, theta, tolerance=1e-9):
+        """Whether points `theta`, shape (..., 2), lie in the closed disk; a boolean array."""
+        return np.hypot(theta[..., 0], theta[..., 1]) <= self.radius * (1 + tolerance)
+
+    def rim(self, n):
+        """`n` points around the rim, counter-clockwise from (radius, 0), shape (n, 2)."""
+        n = check_integer("n", n, 1)
+        t = 2 * np.pi * np.arange(n) / n
+        return self.radius * np.stack([np.cos(t), np.sin(t)], axis=-1)
+
+    def _shape(self):
+        from netgen.occ import Circle
+
+        return Circle((0, 0), self.radius).Face()
+
+
+@dataclass(frozen=True)
+class Rectangle(Domain):
+    """The rectangle side1 × side2, each side a pair (low, high).
+
+    Sides are at least 1e-5 long, one at most 1e4 times as long as the other, and their ends at
+    most 1e6.
+    """
+
+    side1: tuple
+    side2: tuple
+
+    def __post_init__(self):
+        for name in ("side1", "side2"):
+            side = getattr(self, name)
+            if not isinstance(side, tuple | list | np.ndarray) or len(side) != 2:
+                raise InputError(name, side, "a pair of finite numbers, low < high")
+            low, high = (check_number(name, end) for end in side)
+            if not low < high:
+                raise InputError(name, side, "a pair of finite numbers, low < high")
+            if high - low < SMALLEST or max(-low, high) > LARGEST:
+                allowed = f"at least {SMALLEST:g} long, its ends at most {LARGEST:g}"
+                raise InputError(name, side, allowed)
+        width, height = np.ptp(np.array(self.box), axis=1)
+        if max(width, height) > LONGEST * min(width, height):
+            allowed = f"a side at most {LONGEST:g} times as long or as short as side1"
+            raise InputError("side2", self.side2, allowed)
+
+    @property
+    def box(self):
+        """Bounding box ((low1, high1), (low2, high2))."""
+        return (tuple(self.side1), tuple(self.side2))
+
+    def contains(self, theta, tolerance=1e-9):
+        """Whether points `theta`, shape (..., 2), lie in the closed rectangle; a boolean array."""
+        low, high = np.array(self.box).T
+        slack = tolerance * (high - low)
+        return np.all((theta >= low - slack) & (theta <= high + slack), axis=-1)
+
+    def rim(self, n):
+        """`n` points around the rim, counter-clockwise from the middle of the right side, (n, 2).
+
+        They are equally spaced along each side, and nearly so from side to side. Six points or
+        more always meet the four corners.
+        """
+        n = check_integer("n", n, 1)
+        (low1, high1), (low2, high2) = self.box
+        width, height = high1 - low1, high2 - low2
+        middle = (low2 + high2) / 2
+        corners = np.array(
+            [
+                [high1, middle],
+                [high1, high2],
+                [low1, high2],
+                [low1, low2],
+                [high1, low2],
+                [high1, middle],
+            ]
+        )
+        lengths = np.cumsum([0, height / 2, width, height, width, height / 2])
+        s = lengths[-1] * np.arange(n) / n
+        if n >= 6:
+            half = n // 2
+            first = int(np.clip(round(n * lengths[1] / lengths[-1]), 1, (half - 1) // 2))
+            met = [0, first, half - first, n - half + first, n - first, n]
+            s = np.interp(np.arange(n), met, lengths)
+        return np.stack([np.interp(s, lengths, corners[:, i]) for i in (0, 1)], axis=-1)
+
+    def _shape(self):
+        from netgen.occ import MoveTo
+
+        (low1, high1), (low2, high2) = self.box
+        return MoveTo(low1, low2).Rectangle(high1 - low1, high2 - low2).Face()

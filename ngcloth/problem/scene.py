@@ -1,0 +1,212 @@
+"""What the user says: surface, fabric, limits, symmetry and start. Validates, computes nothing."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import ngsolve as ngs
+import numpy as np
+from netgen.meshing import NgException
+
+from ..errors import InputError, check_number
+from .fabric import Net
+from .kinematics import Kinematics
+from .surface import Surface
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One clothing problem: which flat patch best covers the surface?
+
+    Parameters
+    ----------
+    surface : Surface
+        The target surface N = φ(U).
+    fabric : Net
+        The strain energy W(I4, I6, I8) of the cloth.
+    constraints : sequence, optional
+        Limits to respect, such as `Elongation`, `ShearLimit` or `Obstacle`; or any object with a
+        `name` and a method ``slacks(cloth)`` that returns expressions of a `Kinematics`, positive
+        where the limit holds. With any of them the patch is also held to in-plane equilibrium.
+    start : (float, float) or callable, optional
+        First guess of ψ: a pair (s1, s2) means ψ = (s1 θ1, s2 θ2); a callable of (θ1, θ2) returns
+        the two components as NGSolve expressions. Only its gradient matters, ψ being free up to a
+        translation. By default the pair that makes both stretches 1 in the mean. With limits, a
+        guess far from isometric is flattened first, and one outside them scaled.
+    cost : callable, optional
+        A cost density χ per flat area to minimise in place of the strain energy: a function of a
+        `Kinematics` that returns an expression, in the unit of a stiffness. With it the patch is
+        held to in-plane equilibrium even without constraints.
+    symmetric : bool, optional
+        Solve on a quarter of the domain, with mirror lines through its centre: ψ1 odd and ψ2 even
+        across θ1 = centre, ψ2 odd and ψ1 even across θ2 = centre. Default False.
+    tie_break : float, optional
+        For surfaces whose Chebyshev net is not unique: choose one by adding ε/2 times ∫ |∇∇∇ψ|²
+        (as the variation of ∇∇ψ in each element, and with a little of ∫ |∇∇ψ|²) to E/kc, and so
+        prefer nets that bend evenly. The value is the last ε, from which the solve ends with some
+        steps on E alone; 0, the default, leaves all this out. Where the net is not unique the
+        patch still moves with ε and the mesh; where it is unique it does not.
+    name : str, optional
+        How the scene is called in printed lines and figures.
+
+    Attributes
+    ----------
+    recipe : dict or None
+        Which function of `ngcloth.scenes` made the scene, with which arguments; None for any
+        other scene.
+
+    Raises
+    ------
+    InputError
+        If an argument is of the wrong kind, the fabric's energy or stress is not finite in the
+        undeformed cloth, or the start folds the cloth (J ≤ 0) or has no finite energy somewhere,
+        or does not have the symmetry asked for.
+    """
+
+    surface: Surface
+    fabric: Net
+    constraints: tuple = ()
+    start: tuple | Callable | None = None
+    cost: Callable | None = None
+    symmetric: bool = False
+    tie_break: float = 0.0
+    name: str = "scene"
+    recipe = None
+
+    def __post_init__(self):
+        if not isinstance(self.surface, Surface):
+            raise InputError("surface", self.surface, "an ngcloth.Surface")
+        if isinstance(self.fabric, type) or not callable(getattr(self.fabric, "energy", None)):
+            raise InputError(
+                "fabric", self.fabric, "an ngcloth.Net, or an object with its `energy`"
+            )
+        check_number("fabric.stiffness", getattr(self.fabric, "stiffness", None), 0, open_low=True)
+        try:
+            object.__setattr__(self, "constraints", tuple(self.constraints))
+        except TypeError:
+            raise InputError("constraints", self.constraints, "a sequence of constraints") from None
+        for each in self.constraints:
+            known = isinstance(getattr(each, "name", None), str)
+            if isinstance(each, type) or not (known and callable(getattr(each, "slacks", None))):
+                raise InputError("constraints", each, "objects with `name` and `slacks(cloth)`")
+        if not (self.cost is None or callable(self.cost)):
+            raise InputError("cost", self.cost, "a callable of a Kinematics, or None")
+        if not isinstance(self.symmetric, bool):
+            raise InputError("symmetric", self.symmetric, "True or False")
+        self._check_energy()
+        check_number("tie_break", self.tie_break, 0, 1)
+        if self.tie_break and self.in_equilibrium:
+            raise InputError("tie_break", self.tie_break, "0 with constraints or a cost")
+        self._check_start()
+
+    @property
+    def in_equilibrium(self):
+        """Whether equilibrium has to be imposed; minima of E alone have it by themselves."""
+        return bool(self.constraints) or self.cost is not None
+
+    @property
+    def inextensible(self):
+        """Whether this is a Chebyshev scene: E is nothing but thread energy, and can vanish."""
+        return isinstance(self.fabric, Net) and self.fabric.ks == 0 and not self.in_equilibrium
+
+    @property
+    def copies(self):
+        """How many mirror images of the meshed domain make up the whole: 4 or 1."""
+        return 4 if self.symmetric else 1
+
+    @property
+    def normalisation(self):
+        """2π kc, the unit in which the paper gives energies."""
+        return 2 * np.pi * self.fabric.stiffness
+
+    def start_expression(self):
+        """The first guess, a pair of NGSolve expressions of x = θ1, y = θ2, zero at the centre."""
+        start = self.start
+        if callable(start):
+            try:
+                psi = ngs.CF(tuple(start(ngs.x, ngs.y)))
+            except (TypeError, ValueError, NgException) as error:
+                raise InputError("start", start, f"two components of ψ ({error})") from error
+            if tuple(psi.dims) != (2,):
+                raise InputError("start", start, f"two components of ψ, not {tuple(psi.dims)}")
+        else:
+            if start is None:
+                metric = self.surface.evaluate(self.surface.metric, self.surface.domain.sample())
+                start = np.sqrt(np.diagonal(metric, axis1=1, axis2=2)).mean(axis=0)
+            psi = ngs.CF((float(start[0]) * ngs.x, float(start[1]) * ngs.y))
+        at_centre = self.surface.evaluate(psi, self.surface.domain.centre)
+        return psi[0] - float(at_centre[0]), psi[1] - float(at_centre[1])
+
+    def _check_energy(self):
+        undeformed = [ngs.Parameter(value) for value in (1.0, 1.0, 0.0)]
+        try:
+            energy = self.fabric.energy(*undeformed)
+            if not isinstance(energy, ngs.CoefficientFunction) or energy.dim != 1:
+                raise TypeError(f"not {type(energy).__name__}")
+            stress = ngs.CF((energy, *(energy.Diff(invariant) for invariant in undeformed)))
+        except (TypeError, ValueError, AttributeError, NgException) as error:
+            text = " ".join(str(error).split())
+            allowed = f"`energy(I4, I6, I8)` must be one scalar expression of NGSolve ({text})"
+            raise InputError("fabric", self.fabric, allowed) from error
+        if not np.isfinite(self.surface.evaluate(stress, self.surface.domain.centre)).all():
+            allowed = "energy and derivatives must be finite at I4 = I6 = 1, I8 = 0"
+            raise InputError("fabric", self.fabric, allowed)
+
+    def _check_start(self):
+        if self.start is not None and not callable(self.start):
+            if not isinstance(self.start, tuple | list | np.ndarray) or len(self.start) != 2:
+                raise InputError("start", self.start, "a pair (s1, s2) or a callable of (θ1, θ2)")
+            for factor in self.start:
+                check_number("start", factor)
+        psi1, psi2 = self.start_expression()
+        slopes = [psi.Diff(theta) for psi in (psi1, psi2) for theta in (ngs.x, ngs.y)]
+        cloth = Kinematics(ngs.CF(tuple(slopes), dims=(2, 2)), self.surface.metric)
+        energy = self.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
+        domain = self.surface.domain
+        points = domain.sample()
+        values = self.surface.evaluate(ngs.CF((cloth.jacobian, energy)), points)
+        values = np.where(np.isfinite(values), values, np.nan)
+        worst = int(np.argmin(values[:, 0]))  # a NaN, if there is one
+        if not values[worst, 0] > 0:
+            where = tuple(float(t) for t in points[worst])
+            raise InputError(
+                "start",
+                self.start,
+                f"J = det ∇ψ must be > 0, and is {values[worst, 0]:.3g} at θ = {where}",
+            )
+        worst = int(np.argmax(np.isnan(values[:, 1])))
+        if np.isnan(values[worst, 1]):
+            where = tuple(float(t) for t in points[worst])
+            raise InputError(
+                "start", self.start, f"the fabric has no finite energy there at θ = {where}"
+            )
+        if self.symmetric:
+            psi = ngs.CF((psi1, psi2))
+            here = self.surface.evaluate(psi, points)
+            for axis, flip in enumerate([(-1, 1), (1, -1)]):
+                image = points.copy()
+                image[:, axis] = 2 * domain.centre[axis] - image[:, axis]
+                there = self.surface.evaluate(psi, image) * flip
+                if not np.allclose(here, there, atol=1e-9 * np.abs(here).max()):
+                    raise InputError(
+                        "start", self.start, "a map with the mirror symmetry of the scene"
+                    )
+
+    def __str__(self):
+        domain = f"{self.surface.domain}" + (", one quarter" if self.symmetric else "")
+        terms = ["E(ψ), the strain energy" if self.cost is None else "∫ J χ, a cost of its own"]
+        if self.tie_break:
+            terms.append(f"ε/2 ∫ |∇∇∇ψ|² down to ε = {self.tie_break:g}, to choose among nets")
+        unknowns = "ψ1, ψ2"
+        if self.in_equilibrium:
+            unknowns += ", η1, η2"
+            terms.append("∫ J S : L_η a, in-plane equilibrium")
+            terms += [f"barrier of {limit}" for limit in self.constraints]
+        return "\n".join(
+            [
+                f"{self.name}",
+                f"  domain  {domain}",
+                f"  fabric  {self.fabric}",
+                f"  unknown {unknowns}",
+                "  terms   " + "; ".join(terms),
+            ]
+        )

@@ -1,0 +1,330 @@
+"""What comes out: the optimal patch, and how the solve went. Knows nothing of solvers."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import ngsolve as ngs
+import numpy as np
+
+from ..errors import InputError
+from ..output.cut import export_dxf, export_svg
+from ..problem.kinematics import Kinematics, gradient
+from ..problem.scene import Scene
+from .equilibrium import equilibrium_residual
+from .history import Reason
+
+
+@dataclass(frozen=True)
+class Result:
+    """The outcome of `ngcloth.solve`.
+
+    Attributes
+    ----------
+    scene : Scene
+    state : GridFunction
+        ψ on the meshed domain, its first two components; multipliers after them.
+    reason : Reason
+        Why the solve stopped, in words. A result that has not `converged` holds the last good
+        iterate.
+    cost : float
+        What was minimised, over kc and the meshed domain: E, or the scene's own cost.
+    newton_iterations : int
+        All Newton steps, refused ones and those on coarser meshes included.
+    seconds : float
+        Wall-clock time of the solve.
+    history : list of Row
+        One row per accepted step.
+    settings : dict
+        What was used, defaults and versions included.
+    """
+
+    scene: Scene
+    state: ngs.GridFunction
+    reason: Reason
+    cost: float
+    newton_iterations: int
+    seconds: float
+    history: list
+    settings: dict
+
+    @property
+    def converged(self):
+        """Whether `reason` is `Reason.CONVERGED`."""
+        return self.reason is Reason.CONVERGED
+
+    @property
+    def last_mesh_iterations(self):
+        """Newton steps on the last mesh alone, without those on coarser ones that led to it."""
+        last = self.history[-1].phase if self.history else ""
+        before = [row.newton for row in self.history if row.phase == "coarse" != last]
+        return self.newton_iterations - max(before, default=0)
+
+    @property
+    def energy(self):
+        """E = ∫ J W, whole surface, in units of stiffness × length²."""
+        if self.scene.cost is None:
+            return self.scene.copies * self.scene.fabric.stiffness * self.cost
+        cloth = self._cloth
+        return self._integral(self.scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8))
+
+    @property
+    def normalized_energy(self):
+        """E / (2π kc), as the paper reports it."""
+        return self.energy / self.scene.normalisation
+
+    @cached_property
+    def area(self):
+        """Area of the whole flat patch, ∫ J."""
+        return self._integral(ngs.CF(1.0))
+
+    @cached_property
+    def extrema(self):
+        """Least and greatest value of each field, {"stretch1": (min, max), …}.
+
+        They are taken over a lattice on every element that includes its edges and is finer than
+        the integration rule; the keys are "stretch1", "stretch2", "shear", "reaction" and
+        "jacobian". Shear counts in all mirror images.
+        """
+        extrema = {name: self._range(name) for name in self._fields}
+        if self.scene.symmetric:
+            low, high = extrema["shear"]
+            extrema["shear"] = min(low, -high), max(high, -low)
+        return extrema
+
+    @property
+    def unfolded(self):
+        """Whether J > 0 all over the lattice of `extrema`."""
+        return self._range("jacobian")[0] > 0
+
+    def _range(self, name):
+        n = 2 * self.settings["order"] + 2
+        lattice = [(i / n, j / n) for i in range(n + 1) for j in range(n + 1 - i)]
+        rule = ngs.IntegrationRule(lattice, [0.0] * len(lattice))
+        points = self._mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)
+        values = self._fields[name].Compile()(points)
+        return float(values.min()), float(values.max())
+
+    def psi(self, theta1, theta2):
+        """Flat position of parameter points.
+
+        Parameters
+        ----------
+        theta1, theta2 : float or array_like
+            Points of the closed domain, rim and mirror images included.
+
+        Returns
+        -------
+        ndarray, (..., 2)
+            X = ψ(θ) in units of length; the centre of the domain is at the origin of a symmetric
+            patch.
+
+        Raises
+        ------
+        InputError
+            If a point lies outside the domain.
+        """
+        theta, sign = self._folded(theta1, theta2)
+        points, offset = self._located(theta)
+        values = np.stack([_at(component, points) for component in self._psi], axis=-1)
+        slopes = np.stack([_at(ngs.Grad(component), points) for component in self._psi], axis=-2)
+        values += np.einsum("nij,nj->ni", slopes, offset)
+        return values.reshape(sign.shape) * sign
+
+    def field(self, name, theta1, theta2):
+        """A field of the cloth at parameter points.
+
+        Parameters
+        ----------
+        name : str
+            "stretch1", "stretch2", "shear" (cosine of the angle between the threads),
+            "reaction" (force per flat area, > 0 where the surface pushes) or "jacobian".
+        theta1, theta2 : float or array_like
+            As for `psi`.
+
+        Returns
+        -------
+        ndarray, (...)
+        """
+        if not isinstance(name, str) or name not in self._fields:
+            raise InputError("name", name, f"one of {', '.join(self._fields)}")
+        theta, sign = self._folded(theta1, theta2)
+        points, _ = self._located(theta)
+        values = _at(self._fields[name], points).reshape(sign.shape[:-1])
+        return values * sign.prod(axis=-1) if name == "shear" else values
+
+    def outline(self, n=400):
+        """`n` points along the rim of the whole flat patch, shape (n, 2).
+
+        They start at the largest θ1 on the axis θ2 = centre and run counter-clockwise in θ. The
+        curve is closed: the first point follows the last and is not repeated.
+        """
+        return self.psi(*self.scene.surface.domain.rim(n).T)
+
+    export_svg = export_svg
+    export_dxf = export_dxf
+
+    def plot(self, field=None, where="patch", ax=None):
+        """Draw the threads, over a field if one is named, with matplotlib.
+
+        ``where="domain"`` draws them on the parameter domain and ``"history"`` how the solve went;
+        see `ngcloth.plot.draw`.
+        """
+        from ..output.plot import draw
+
+        return draw(self, field, where, ax)
+
+    def view(self, field=None, *, pitch=None, screenshot=None):
+        """Draw the cloth on its surface with PyVista, to be turned by ``result.view().show()``.
+
+        `screenshot` names a picture to write instead; see `ngcloth.view.cloth`.
+        """
+        from ..output.view import cloth
+
+        return cloth(self, field=field, pitch=pitch, screenshot=screenshot)
+
+    def save(self, folder):
+        """Write everything to a folder of open formats, for `ngcloth.load` to read.
+
+        Parameters
+        ----------
+        folder : path
+            Made with its parents. An empty folder, or one that holds nothing but a saved result,
+            is replaced; at any moment the old result or the new one is there, whole.
+
+        Raises
+        ------
+        InputError
+            If `folder` is something else, or cannot be written.
+        """
+        from .save import save
+
+        save(self, folder)
+
+    def export_vtu(self, path):
+        """Write the cloth with its fields for ParaView, see `ngcloth.fields.vtu`."""
+        from ..output.fields import vtu
+
+        return vtu(self, path)
+
+    def export_threads(self, path, pitch):
+        """Write the threads `pitch` apart as polylines (.vtp), see `ngcloth.fields.threads`."""
+        from ..output.fields import threads
+
+        return threads(self, path, pitch)
+
+    def export_surface(self, path):
+        """Write surface and patch as triangles (.stl, .obj), see `ngcloth.fields.surface`."""
+        from ..output.fields import surface
+
+        return surface(self, path)
+
+    def export_fibres(self, path):
+        """Write a table of thread directions (.csv), see `ngcloth.fields.fibres`."""
+        from ..output.fields import fibres
+
+        return fibres(self, path)
+
+    def __str__(self):
+        low, high = self.extrema["stretch1"]
+        return (
+            f"{self.scene.name}: {self.reason}\n"
+            f"  E/(2π kc) = {self.normalized_energy:.6e}, patch area {self.area:.6f}\n"
+            f"  λ1 in [{low:.6f}, {high:.6f}], |γ| up to {self.extrema['shear'][1]:.6f}\n"
+            f"  {self.newton_iterations} Newton steps, {self.seconds:.2f} s"
+        )
+
+    @cached_property
+    def equilibrium_residual(self):
+        """How far the pinned cloth is from in-plane equilibrium, between 0 and 1.
+
+        The force with which the cloth slides along the surface, tested with all η one order
+        richer than ψ that vanish on the rim (eq. 16), over the same tested with all η, the rim
+        included. Forces of strains below 1e-9 count as none. Where the rim carries no force either,
+        as without active limits, the ratio says little.
+        """
+        return equilibrium_residual(self)
+
+    def certificate(self):
+        """Check this result from its ψ alone, see `ngcloth.verify`.
+
+        Returns
+        -------
+        Certificate
+        """
+        from .certificate import verify
+
+        return verify(self)
+
+    @property
+    def _psi(self):
+        return self.state.components[:2]
+
+    @property
+    def _mesh(self):
+        return self.state.space.mesh
+
+    @cached_property
+    def _cloth(self):
+        scene, slope = self.scene, gradient(*self._psi)
+        return Kinematics(
+            slope, scene.surface.metric, scene.fabric, lambda: scene.surface.curvature
+        )
+
+    @cached_property
+    def _fields(self):
+        cloth = self._cloth
+        return {
+            "stretch1": cloth.stretch1,
+            "stretch2": cloth.stretch2,
+            "shear": cloth.shear,
+            "reaction": cloth.reaction,
+            "jacobian": cloth.jacobian,
+        }
+
+    def _integral(self, density):
+        """Integral over the whole flat patch."""
+        rule = ngs.dx(bonus_intorder=2 * self.settings["order"])
+        integral = ngs.Integrate(self._cloth.jacobian * density * rule, self._mesh)
+        return self.scene.copies * integral
+
+    def _folded(self, theta1, theta2):
+        """Images (n, 2) of the points in the meshed domain, and the signs (..., 2) of ψ there."""
+        try:
+            theta = np.stack(np.broadcast_arrays(theta1, theta2), axis=-1).astype(
+                float, casting="safe"
+            )
+        except (TypeError, ValueError):
+            allowed = "real numbers or arrays that broadcast against each other"
+            raise InputError("theta", (theta1, theta2), allowed) from None
+        domain = self.scene.surface.domain
+        outside = ~domain.contains(theta)
+        if outside.any():
+            raise InputError("theta", tuple(theta[outside][0].tolist()), f"a point of {domain}")
+        sign = np.ones_like(theta)
+        if self.scene.symmetric:
+            sign[theta < domain.centre] = -1
+            theta = domain.centre + np.abs(theta - domain.centre)
+        return theta.reshape(-1, 2), sign
+
+    def _located(self, theta):
+        """Mesh points at or right beside `theta`, and what is missing, θ − θ(point), (n, 2).
+
+        Curved elements follow the rim up to interpolation error: points of the rim may lie
+        outside every element by as much, and are approached from the centre.
+        """
+        centre = self.scene.surface.domain.centre
+        inside = theta.copy()
+        if self.scene.symmetric:
+            centre = centre + 0.25 * self.scene.surface.domain.diameter
+        for shrink in (0.0, *10.0 ** np.arange(-13, -2), *np.linspace(0.01, 0.3, 30)):
+            points = self._mesh(*inside.T)
+            missing = points["nr"] < 0
+            if not missing.any():
+                break
+            inside[missing] = centre + (1 - shrink) * (theta[missing] - centre)
+        return points, theta - inside
+
+
+def _at(expression, points):
+    values = np.asarray(expression(points))
+    return values.reshape(len(points), *(expression.dims or ()))

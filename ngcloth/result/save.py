@@ -1,0 +1,222 @@
+"""Writing a result: one folder of open formats, there as a whole or not at all."""
+
+import csv
+import hashlib
+import json
+import os
+import platform
+import shutil
+from dataclasses import astuple
+from pathlib import Path
+
+import ngsolve as ngs
+import numpy as np
+
+from ..errors import InputError
+from ..problem.kinematics import Kinematics
+from .history import Recorder
+
+FORMAT, VERSION = "ngcloth result", 1
+FILES = ("result.json", "history.csv", "scene.npz", "fields.npz")
+CHECKSUMS = "SHA256SUMS"
+# A flat strain on top of a scene's start, so that its fingerprint feels every stiffness.
+SHEARED = ((1.0, 0.2), (-0.1, 1.05))
+
+
+def save(result, folder):
+    """Write a result to a folder.
+
+    ============  ==================================================================================
+    result.json   scene in words and as recipe, reason, numbers, settings, versions
+    history.csv   one line per accepted step, the columns of `Row`
+    fields.npz    θ (``theta``), ψ (``psi``) and, in scenes with constraints, η (``eta``) at the
+                  nodes (i/p, j/p), i + j ≤ p, j fastest, of every triangle, p the order of ψ, each
+                  (triangles, nodes, 2); all coefficients (``state``); and the mesh of the domain or
+                  its quarter: ``vertices`` (n, 2), ``triangles`` (k, 3) by vertex, ``segments``
+                  (m, 3) by two vertices and the edge of the domain, from 1, on which they lie
+    scene.npz     what the scene is at points of its domain; see `fingerprint`
+    SHA256SUMS    checksums of the above, as ``sha256sum -c`` reads them
+    ============  ==================================================================================
+
+    Parameters
+    ----------
+    result : Result
+        Converged or not.
+    folder : path
+        Made with its parents. An empty folder, or one that holds nothing but a saved result, is
+        replaced; at any moment the old result or the new one is there, whole, for `load`.
+
+    Raises
+    ------
+    InputError
+        If `folder` is something else, or cannot be written.
+    """
+    target = checked_path(folder)
+    if target.exists():
+        _check_replaceable(target, folder)
+    new, previous = hidden(target, "new"), hidden(target, "previous")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(new, ignore_errors=True)
+        new.mkdir()
+    except OSError as error:
+        raise InputError("folder", str(folder), f"a place to write to ({error})") from error
+    try:
+        _write(result, new)
+        if target.exists():
+            shutil.rmtree(previous, ignore_errors=True)
+            os.rename(target, previous)
+        # Between these two lines `load` falls back on `previous`.
+        os.rename(new, target)
+        shutil.rmtree(previous, ignore_errors=True)
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+
+
+def fingerprint(scene):
+    """What a scene is, as numbers at points of its domain: the same only for the same scene.
+
+    Returns
+    -------
+    dict of ndarray
+        "theta" (n, 2), the points; "position" (n, 3), φ; "start" (n, 2), ψ of the start; and
+        "cloth" (n, ...), energy density, reaction and all slacks of the start, sheared.
+    """
+    surface = scene.surface
+    theta, start = surface.domain.sample(4), ngs.CF(scene.start_expression())
+    start_gradient = ngs.CF(
+        tuple(component.Diff(t) for component in (start[0], start[1]) for t in (ngs.x, ngs.y)),
+        dims=(2, 2),
+    )
+    sheared = ngs.CF(SHEARED, dims=(2, 2)) * start_gradient
+    cloth = Kinematics(sheared, surface.metric, scene.fabric, lambda: surface.curvature)
+    felt = [scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8), cloth.reaction]
+    felt += [slack for limit in scene.constraints for slack in limit.slacks(cloth)]
+    expressions = {"position": surface.position, "start": start, "cloth": ngs.CF(tuple(felt))}
+    values = {name: surface.evaluate(each, theta) for name, each in expressions.items()}
+    return {"theta": theta} | values
+
+
+def scene_words(scene):
+    """What a scene is, in words and plain values."""
+    return {
+        "name": scene.name,
+        "symmetric": scene.symmetric,
+        "tie_break": float(scene.tie_break),
+        "stiffness": float(scene.fabric.stiffness),
+        "constraints": [limit.name for limit in scene.constraints],
+    }
+
+
+def at_nodes(expression, mesh, order):
+    """Values of a vector expression at the nodes of every triangle, (triangles, nodes, dim)."""
+    nodes = [(i / order, j / order) for i in range(order + 1) for j in range(order + 1 - i)]
+    rule = ngs.IntegrationRule(nodes, [0.0] * len(nodes))
+    values = np.asarray(expression(mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)))
+    return values.reshape(mesh.ne, len(nodes), expression.dim)
+
+
+def checked_path(folder):
+    """`folder` as an absolute `Path`."""
+    allowed = "the path of a folder"
+    if not isinstance(folder, str | os.PathLike) or not str(folder):
+        raise InputError("folder", folder, allowed)
+    try:
+        return Path(folder).expanduser().resolve()
+    except (TypeError, ValueError, OSError, RuntimeError) as error:
+        raise InputError("folder", folder, f"{allowed} ({error})") from None
+
+
+def hidden(target, role):
+    """The folder beside `target` in which a save keeps what is not, or no longer, the result."""
+    return target.with_name(f".{target.name}.ngcloth-{role}")
+
+
+def checksum(data):
+    """SHA-256 of bytes, as text."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def _check_replaceable(target, folder):
+    """Refuse whatever holds, or might hold, a file that `save` has not written."""
+    allowed = "a new or empty folder, or one that holds a saved result and nothing else"
+    if not target.is_dir():
+        raise InputError("folder", str(folder), allowed)
+    names = {path.name for path in target.iterdir()}
+    others = sorted(names - {*FILES, CHECKSUMS}) or sorted(names)
+    if names and not {CHECKSUMS} <= names <= {*FILES, CHECKSUMS}:
+        raise InputError("folder", str(folder), f"{allowed}; here is {others[0]}")
+
+
+def _write(result, folder):
+    mesh, order = result.state.space.mesh, result.settings["order"]
+    with open(folder / "result.json", "w", encoding="utf-8") as file:
+        json.dump(_record(result), file, indent=2, ensure_ascii=False, default=_plain)
+    with open(folder / "history.csv", "w", encoding="utf-8", newline="") as file:
+        rows = csv.writer(file)
+        rows.writerow(Recorder.columns)
+        rows.writerows(astuple(row) for row in result.history)
+    np.savez_compressed(folder / "scene.npz", **fingerprint(result.scene))
+    names = {"psi": slice(0, 2), "eta": slice(2, 4)}
+    fields = {"theta": ngs.CF((ngs.x, ngs.y))} | {
+        name: ngs.CF(tuple(result.state.components[part]))
+        for name, part in names.items()
+        if result.state.components[part]
+    }
+    np.savez_compressed(
+        folder / "fields.npz",
+        state=result.state.vec.FV().NumPy(),
+        **{name: at_nodes(field, mesh, order) for name, field in fields.items()},
+        **_triangulation(mesh.ngmesh),
+    )
+    lines = [f"{checksum((folder / name).read_bytes())}  {name}\n" for name in FILES]
+    (folder / CHECKSUMS).write_bytes("".join(lines).encode())
+
+
+def _triangulation(mesh):
+    triangles, segments = mesh.Elements2D().NumPy(), mesh.Elements1D().NumPy()
+    edges = np.array([region.edgenr for region in mesh.EdgeDescriptors()])
+    ends, edge = segments["nodes"][:, :2] - 1, edges[segments["index"] - 1]
+    return {
+        "vertices": mesh.Coordinates(),
+        "triangles": triangles["nodes"][:, :3] - 1,
+        "segments": np.column_stack([ends, edge]),
+    }
+
+
+def _record(result):
+    from ..version import __version__
+
+    versions = {
+        "ngcloth": __version__,
+        "ngsolve": ngs.__version__,
+        "numpy": np.__version__,
+        "python": platform.python_version(),
+    }
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "scene": scene_words(result.scene)
+        | {"in words": str(result.scene), "recipe": result.scene.recipe},
+        "reason": result.reason.name,
+        "reason in words": str(result.reason),
+        "cost": result.cost,
+        "newton_iterations": result.newton_iterations,
+        "seconds": result.seconds,
+        "settings": result.settings,
+        "summary": {
+            "converged": result.converged,
+            "energy": result.energy,
+            "normalized_energy": result.normalized_energy,
+            "area": result.area,
+            "extrema": result.extrema,
+        },
+        "versions": versions,
+    }
+
+
+def _plain(number):
+    """A NumPy number as one that JSON knows."""
+    if isinstance(number, np.generic):
+        return number.item()
+    raise TypeError(f"{number!r} has no place in a JSON file")

@@ -1,0 +1,233 @@
+"""Whether a ψ is stationary, and a minimum: what `ngcloth.verify` asks of the Lagrangian."""
+
+from functools import cached_property
+from itertools import pairwise
+
+import ngsolve as ngs
+import numpy as np
+
+from ..problem.constraints import RIM_SHARE
+from ..problem.kinematics import Kinematics, gradient, virtual_strain
+
+AT_REST = 1e-2  # of the stress: what may be unbalanced in a scene without limits
+ROUND_OFF = 1e-9  # stress over kc that counts as none
+KRYLOV = 30
+
+
+def _cloth(result):
+    surface = result.scene.surface
+    slope = gradient(*result.state.components[:2])
+    return Kinematics(slope, surface.metric, result.scene.fabric, lambda: surface.curvature)
+
+
+class _StationaryPoint:
+    """L(ψ, η) = ∫ J W + ∫ J S : L_η a − μ Σ ∫ log c dA over kc near the ψ of a result.
+
+    Integrals are taken at the solver's own points, where alone the barrier exists. Those of the
+    barrier are over the surface, and along the rim with a weight of `RIM_SHARE` in all.
+    """
+
+    def __init__(self, result):
+        self.scene, self.settings = result.scene, result.settings
+        self.psi, self.mesh = result.state.components[:2], result.state.space.mesh
+        self.order = self.settings["order"]
+        self.inverse = "umfpack" if self.scene.in_equilibrium else "sparsecholesky"
+        self.mu = self.settings.get("barrier_end", 0.0)
+        degree = 2 * ((self.settings["quadrature"] + 1) // 2)
+        self.rules = {shape: ngs.IntegrationRule(shape, degree) for shape in (ngs.TRIG, ngs.SEGM)}
+        self.dx = ngs.dx(intrules=self.rules)
+        self.cloth, self.metric = _cloth(result), self.scene.surface.metric
+        self.slope, self.kc = self.cloth.gradient, self.scene.fabric.stiffness
+        self.root = ngs.sqrt(ngs.Det(self.metric))
+        self.slacks = [c for limit in self.scene.constraints for c in limit.slacks(self.cloth)]
+        cloth, cost = self.cloth, self.scene.cost
+        density = cost(cloth) if cost else self.scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
+        self.energy = cloth.jacobian * density / self.kc
+
+    @cached_property
+    def interior(self):
+        """Whether all limits hold at the points where they are imposed."""
+        inside = self.mesh.MapToAllElements(self.rules, ngs.VOL)
+        on_rim = self.mesh.MapToAllElements(self.rules, self.mesh.Boundaries("rim"))
+        return all(
+            (c.Compile()(inside) > 0).all() and (ngs.BoundaryFromVolumeCF(c)(on_rim) > 0).all()
+            for c in self.slacks
+        )
+
+    @cached_property
+    def barriers(self):
+        """Weights and integrals of the barrier, inside and along the rim."""
+        rim = {"definedon": self.mesh.Boundaries("rim"), "intrules": self.rules}
+        along = ngs.specialcf.tangential(2)
+        length = ngs.sqrt(ngs.InnerProduct(self.metric * along, along))
+        share = RIM_SHARE * self.area / ngs.Integrate(length * ngs.ds(**rim), self.mesh)
+        return (self.root, self.dx), (share * length, ngs.ds(skeleton=True, **rim))
+
+    @cached_property
+    def area(self):
+        return ngs.Integrate(self.root * self.dx, self.mesh)
+
+    @cached_property
+    def stress(self):
+        flux = self.energy.Diff(self.slope)
+        square = ngs.InnerProduct(flux * self.metric, flux) / self.root
+        mean = ngs.Integrate(square.Compile() * self.dx, self.mesh) / self.area
+        return max(float(np.sqrt(mean)), ROUND_OFF)
+
+    @property
+    def tolerance(self):
+        """An interior point ends with stationarity and all c z − μ below μ, per area."""
+        if not self.slacks:
+            return AT_REST
+        return float(np.sqrt(1 + (1 + RIM_SHARE) * len(self.slacks)) * self.mu / self.stress)
+
+    def tests(self):
+        """The fields of the `Certificate` that are found here."""
+        residual, eta = self.remainder(self.order)
+        richer, _ = self.remainder(self.order + 1)
+        hessian, norm = self.pencil(eta)
+        flips = [(0, 0), (1, 0), (0, 1), (1, 1)] if self.scene.symmetric else [(0, 0)]
+        own, *others = (
+            least_eigenvalue(hessian, norm, self.free(self.order, each), self.inverse)
+            for each in flips
+        )
+        return {
+            "stationarity": residual / self.stress,
+            "stationarity_richer": richer / self.stress,
+            "curvature": own,
+            "asymmetric_curvature": min(others, default=None),
+        }
+
+    def space(self, order, flips=(0, 0)):
+        """ψ and, with limits, η; the mirrors hold what is odd across them.
+
+        Component i is odd across mirror i and even across the other; a flip turns both round. The
+        four pairs of flips are the four symmetries of a change of a symmetric patch, and the
+        Hessian does not mix them.
+        """
+
+        def held(i, rim=()):
+            odd = [f"mirror{j + 1}" for j in (0, 1) if (i == j) != bool(flips[j])]
+            return "|".join([*rim, *(odd if self.scene.symmetric else [])])
+
+        spaces = [ngs.H1(self.mesh, order=order, dirichlet=held(i)) for i in (0, 1)]
+        if self.scene.in_equilibrium:
+            eta = self.settings["multiplier_order"]
+            spaces += [ngs.H1(self.mesh, order=eta, dirichlet=held(i, ["rim"])) for i in (0, 1)]
+        return ngs.FESpace(spaces)
+
+    def free(self, order, flips=(0, 0)):
+        """Degrees of freedom to solve for; of a component held nowhere, all but one vertex."""
+        space = self.space(order, flips)
+        free = ngs.BitArray(space.FreeDofs())
+        for i in (0, 1):
+            if space.components[i].FreeDofs().NumSet() == space.components[i].ndof:
+                free.Clear(space.Range(i).start)
+        return free
+
+    def remainder(self, order):
+        """The least of |dL|² + Σ ∫ (c z − μ)² dA over all η and z, its root per √area; and η.
+
+        The first norm is dual to the H¹ seminorm over ψ of that order. With z = μ/c + ∇c·w/c² the
+        solution w is what would have to be gained: c z alone may be off by μ at the solver's end.
+        """
+        space = self.space(order)
+        trial, test = space.TnT()
+        here, there = gradient(*trial[:2]), gradient(*test[:2])
+        matrix, force = ngs.BilinearForm(space), ngs.LinearForm(space)
+        force += self.energy.Diff(self.slope, there).Compile() * self.dx
+        for c in self.slacks:
+            along, across = c.Diff(self.slope, here), c.Diff(self.slope, there)
+            for weight, integral in self.barriers:
+                force += (-self.mu * weight / c * across).Compile() * integral
+                matrix += (weight / c**2 * along * across).Compile() * integral
+        for u, v in zip(trial[:2], test[:2], strict=True):
+            matrix += self.seminorm(u, v)
+        if self.scene.in_equilibrium:
+            matrix += self.equilibrium(trial, test)
+        force.Assemble(), matrix.Assemble()
+        solution = ngs.GridFunction(space)
+        solution.vec.data = matrix.mat.Inverse(self.free(order), inverse=self.inverse) * force.vec
+        square = ngs.InnerProduct(force.vec, solution.vec) / self.area
+        solution.vec.data = -1 * solution.vec
+        return float(np.sqrt(max(square, 0.0))), solution.components[2:]
+
+    def pencil(self, eta):
+        """The matrices [[H, Aᵀ], [A, 0]] and [[M, 0], [0, 0]]: H Hessian of L, A equilibrium."""
+        space = self.space(self.order)
+        trial, test = space.TnT()
+        hessian, norm = ngs.BilinearForm(space), ngs.BilinearForm(space)
+        densities = [(self.energy, self.dx)]
+        if self.scene.in_equilibrium:
+            densities.append((self.work(eta), self.dx))
+            hessian += self.equilibrium(trial, test)
+        for c in self.slacks:
+            densities += [(-self.mu * w * ngs.log(c), integral) for w, integral in self.barriers]
+        for density, integral in densities:
+            change = density.Diff(self.slope, gradient(*trial[:2]))
+            hessian += change.Diff(self.slope, gradient(*test[:2])).Compile() * integral
+        for u, v in zip(trial[:2], test[:2], strict=True):
+            norm += self.seminorm(u, v)
+        return hessian.Assemble().mat, norm.Assemble().mat
+
+    def seminorm(self, u, v):
+        """The H¹ seminorm on the surface, ∫ √det a a^{αβ} ∂αu ∂βv."""
+        weight = ngs.Cof(self.metric) / self.root
+        return (weight * ngs.grad(u)) * ngs.grad(v) * self.dx
+
+    def work(self, eta):
+        """J S : L_η a over kc."""
+        derivatives = self.scene.surface.metric_derivatives
+        strain = virtual_strain(ngs.CF(tuple(eta)), gradient(*eta), self.metric, derivatives)
+        stress = self.cloth.contravariant_stress / self.kc
+        return self.cloth.jacobian * ngs.InnerProduct(stress, strain)
+
+    def equilibrium(self, trial, test):
+        """The derivative of the work by ψ and η, both ways round."""
+        upper = self.work(trial[2:]).Diff(self.slope, gradient(*test[:2]))
+        lower = self.work(test[2:]).Diff(self.slope, gradient(*trial[:2]))
+        return (upper + lower).Compile() * self.dx
+
+
+def least_eigenvalue(hessian, norm, free, inverse):
+    """The smallest finite eigenvalue of a pencil, by Lanczos iteration about a shift below it.
+
+    NGSolve's own Arnoldi solver returns the eigenvalues nearest to a shift and would not tell
+    that there are others below it. Here they show, and the shift moves down.
+    """
+    shift = -1.0
+    while True:
+        shifted = hessian.CreateMatrix()
+        shifted.AsVector().data = hessian.AsVector() - shift * norm.AsVector()
+        ritz = _lanczos(shifted.Inverse(free, inverse=inverse), norm)
+        if not ritz[0] < -ROUND_OFF * np.abs(ritz).max():
+            return float(shift + 1 / ritz[-1])
+        shift = 4 * min(shift, shift + 1 / ritz[0])
+
+
+def _lanczos(inverse, norm):
+    """Eigenvalues, ascending, of inverse · norm on a Krylov space."""
+    given, image = norm.CreateRowVector(), norm.CreateRowVector()
+
+    def times(matrix, vector):
+        given.FV().NumPy()[:] = vector
+        image.data = matrix * given
+        return image.FV().NumPy().copy()
+
+    vector = times(inverse, times(norm, np.random.default_rng(0).standard_normal(len(given))))
+    basis, duals, diagonal, beside = [], [], [], []
+    for _ in range(KRYLOV):
+        dual = times(norm, vector)
+        size = np.sqrt(max(vector @ dual, 0.0))
+        if size <= 1e-13 * (beside[0] if beside else 0.0) or not np.isfinite(size):
+            break
+        beside.append(size)
+        basis.append(vector / size), duals.append(dual / size)
+        vector = times(inverse, duals[-1])
+        diagonal.append(vector @ duals[-1])
+        for _ in range(2):
+            vector = vector - np.array(basis).T @ (np.array(duals) @ vector)
+    matrix = np.diag(diagonal)
+    for k, (_, size) in enumerate(pairwise(beside)):
+        matrix[k, k + 1] = matrix[k + 1, k] = size
+    return np.linalg.eigvalsh(matrix)

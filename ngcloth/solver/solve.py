@@ -1,0 +1,319 @@
+"""solve(): mesh, loops, result. minima(): from several starts."""
+
+from dataclasses import replace
+
+import ngsolve as ngs
+import numpy as np
+from netgen.occ import OCCGeometry
+
+from ..energy.constrained import ConstrainedLagrangian
+from ..energy.lagrangian import Lagrangian
+from ..errors import InputError, SolveError, check_integer, check_number
+from ..problem.scene import Scene
+from ..result.history import Reason, Recorder
+from ..result.result import Result
+from ..result.save import fingerprint
+from .checkpoint import Checkpoint
+from .gradient_flow import adaptive_flow, fixed_flow
+from .interior_point import FAR, WARM_MU, interior_point
+from .net_choice import chosen_net
+from .saddle_flow import saddle_flow
+
+FLOWS = {"adaptive": adaptive_flow, "paper": fixed_flow}
+INVERSES = ("sparsecholesky", "umfpack")
+COARSEST = 0.3  # mesh size over diameter
+REFINEMENTS = 2  # of a mesh, to give the next finer one
+COARSER = 2**REFINEMENTS
+QUARTER_TURN = np.array([[0, 1], [-1, 0]])
+
+
+def solve(
+    scene,
+    maxh=None,
+    order=2,
+    *,
+    multiplier_order=None,
+    quadrature=None,
+    barrier_end=1e-3,
+    tolerance=1e-6,
+    max_steps=500,
+    max_seconds=np.inf,
+    schedule="adaptive",
+    inverse="sparsecholesky",
+    log=None,
+    callback=None,
+    checkpoint=None,
+    throw=False,
+    **unknown,
+):
+    """Find the optimal patch of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        What to cover with what.
+    maxh : float, optional
+        Largest element size in the parameter plane. By default 2 % of the domain's diameter.
+    order : int, optional
+        Polynomial order of ψ. Default 2.
+    multiplier_order : int, optional
+        Polynomial order of the multiplier η of equilibrium, in scenes with constraints. By
+        default that of ψ: with order 1, as in the paper, a layer one element wide along the rim
+        goes unbalanced, and the energy converges only like h, from below.
+    quadrature : int, optional
+        Degree of the integration rules, at whose points inside and along the rim limits hold. By
+        default ``2 * order + 2``.
+    barrier_end : float, optional
+        The barrier weight μ over kc at which a solve with constraints ends, at most 1. Default
+        1e-3.
+    tolerance : float, optional
+        The solve ends where the decrease of the Lagrangian still in sight is below this fraction
+        of it; with the "paper" schedule where |∂t L|/(2π kc) is below it; for a cost without
+        constraints where forces per area over kc are below it. Default 1e-6.
+    max_steps : int, optional
+        Budget of Newton steps. Default 500.
+    max_seconds : float, optional
+        Budget of wall-clock time, checked after each step. By default there is none.
+    schedule : {"adaptive", "paper"}, optional
+        The pseudo-time loop: one Newton step to each of ever longer steps, or the paper's steps
+        of one size with a Newton solve in each; with constraints also its barrier, from μ = 10
+        halved each time the flow comes to rest. The second is there for comparison.
+    inverse : {"sparsecholesky", "umfpack"}, optional
+        NGSolve's direct solver. Default "sparsecholesky".
+    log : callable, optional
+        Called with one line of text per step, for instance ``print``. Silent by default.
+    callback : callable, optional
+        Called after each accepted step with a `Result` of that moment, good until the next step;
+        its last row of history tells phase, energies and residual. The solve stops if it returns
+        True.
+    checkpoint : path, optional
+        A file that is replaced after each accepted step. A solve that is called again with the
+        same arguments after it was cut off goes on from there, and deletes it once converged.
+    throw : bool, optional
+        Raise `SolveError` instead of returning a result that has not converged.
+
+    Returns
+    -------
+    Result
+        With ``converged`` and ``reason``; the last good iterate where it has not converged.
+
+    Raises
+    ------
+    InputError
+        If a setting is unknown or out of bounds; before any mesh is made.
+    SolveError
+        If the solve did not converge and `throw` is set.
+
+    Notes
+    -----
+    Scenes with limits are solved on coarser meshes first. Each mesh is a refinement of the one
+    before, four times as fine, and each patch a start for the next. Their rows in the history are
+    of phase "coarse", and a solve that stops there returns that patch, as its ``settings["maxh"]``
+    says.
+
+    Ctrl-C ends the solve with ``Reason.INTERRUPTED`` and the last accepted step.
+    """
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "an ngcloth.Scene")
+    known = (
+        "maxh, order, multiplier_order, quadrature, barrier_end, tolerance, max_steps, "
+        "max_seconds, schedule, inverse, log, callback, checkpoint, throw"
+    )
+    for name, value in unknown.items():
+        raise InputError(name, value, f"unknown setting; there are {known}")
+    diameter = scene.surface.domain.diameter
+    settings = {
+        "maxh": check_number("maxh", 0.02 * diameter if maxh is None else maxh, 0, open_low=True),
+        "order": check_integer("order", order, 1),
+        "quadrature": check_integer(
+            "quadrature", 2 * order + 2 if quadrature is None else quadrature, 2 * order - 2
+        ),
+        "max_steps": check_integer("max_steps", max_steps, 1),
+        "ngsolve": ngs.__version__,
+    }
+    for name, function in {"log": log, "callback": callback}.items():
+        if not (function is None or callable(function)):
+            raise InputError(name, function, "a callable of one argument, or None")
+    settings["inverse"] = _check_choice("inverse", inverse, INVERSES)
+    settings["schedule"] = _check_choice("schedule", schedule, FLOWS)
+    check_number("tolerance", tolerance, 0, open_low=True)
+    check_number("barrier_end", barrier_end, 0, 1, open_low=True)
+    if max_seconds != np.inf:
+        check_number("max_seconds", max_seconds, 0, open_low=True)
+    if scene.in_equilibrium:
+        multiplier_order = order if multiplier_order is None else multiplier_order
+        settings["multiplier_order"] = check_integer("multiplier_order", multiplier_order, 1)
+        if multiplier_order > order:  # more multipliers than unknowns: a singular matrix
+            raise InputError("multiplier_order", multiplier_order, f"an integer from 1 to {order}")
+    if scene.constraints:
+        settings["barrier_end"] = barrier_end
+    if not scene.constraints or schedule == "paper":
+        settings["tolerance"] = tolerance
+    if checkpoint is not None:
+        identity = {name: array.tolist() for name, array in fingerprint(scene).items()}
+        identity |= {name: value for name, value in settings.items() if name != "max_steps"}
+        checkpoint = Checkpoint(checkpoint, identity)
+
+    def outcome(reason):
+        problem = recorder.problem or whole
+        return Result(
+            scene=scene,
+            state=problem.state,
+            reason=reason,
+            cost=problem.cost(),
+            newton_iterations=recorder.newton,
+            seconds=recorder.seconds,
+            history=list(recorder.rows),
+            settings=problem.settings,
+        )
+
+    recorder = Recorder(
+        scene.copies / scene.normalisation * scene.fabric.stiffness,
+        max_steps,
+        log,
+        max_seconds,
+        callback and (lambda: callback(outcome(Reason.RUNNING)) is True),
+        checkpoint,
+    )
+    whole = _discretised(scene, settings)
+    try:
+        recorder.resume(whole)
+        reason = _run(whole, recorder, settings)
+    except KeyboardInterrupt:
+        if not recorder.restore():
+            raise
+        reason = Reason.INTERRUPTED
+    result = outcome(reason)
+    if result.converged and not result.unfolded:
+        result = outcome(Reason.FOLDED)
+    if checkpoint and result.converged:
+        checkpoint.remove()
+    if log:
+        log(str(result.reason))
+    if throw and not result.converged:
+        raise SolveError(result)
+    return result
+
+
+def minima(scene, starts, **settings):
+    """Solve a scene from several starts, and keep the minima that differ.
+
+    Parameters
+    ----------
+    scene : Scene
+        What to cover with what; its own start is not used.
+    starts : sequence
+        Values for `Scene.start`.
+    **settings
+        For `solve`.
+
+    Returns
+    -------
+    list of Result
+        Those that converged first, by energy. Of results that agree to 1e-3 in energy and to
+        1e-2 of the size of the patch in outline, the first is kept. A patch that is turned by a
+        right angle, its warp in the place of its weft, or by two, is the same.
+    """
+    found = []
+    for start in starts:
+        result = solve(replace(scene, start=start), **settings)
+        if not any(_same_minimum(result, other) for other in found):
+            found.append(result)
+    return sorted(found, key=lambda result: (not result.converged, result.energy))
+
+
+def _same_minimum(one, other):
+    if one.converged != other.converged:
+        return False
+    near = abs(one.energy - other.energy) <= 1e-3 * max(one.energy, other.energy)
+    # Up to a translation, which without symmetry is free.
+    here, there = (
+        outline - outline.mean(axis=0) for outline in (one.outline(100), other.outline(100))
+    )
+    turned = (there @ np.linalg.matrix_power(QUARTER_TURN, n) for n in range(4))
+    return near and any(np.abs(here - x).max() <= 1e-2 * np.abs(here).max() for x in turned)
+
+
+def make_mesh(scene, maxh, order):
+    """The curved triangulation of the scene's domain, or of its quarter.
+
+    In a scene with limits it is refined from the coarser ones that are solved first. Interpolation
+    between meshes that are not nested would leave their limits, and equilibrium.
+    """
+    face = scene.surface.domain.face(scene.symmetric)
+    levels = _coarser_levels(scene, maxh)
+    mesh = OCCGeometry(face, dim=2).GenerateMesh(maxh=maxh * COARSER**levels)
+    for _ in range(levels * REFINEMENTS):
+        mesh.Refine()
+    mesh = ngs.Mesh(mesh)
+    mesh.Curve(order)
+    return mesh
+
+
+def _coarser_levels(scene, maxh):
+    """How many coarser meshes are solved first."""
+    if not scene.constraints:
+        return 0
+    return max(int(np.log(COARSEST * scene.surface.domain.diameter / maxh) / np.log(COARSER)), 0)
+
+
+def _coarser(scene, settings):
+    """Settings of the coarser mesh that is solved first; None if there is none."""
+    if _coarser_levels(scene, settings["maxh"]):
+        return settings | {"maxh": COARSER * settings["maxh"]}
+    return None
+
+
+def _discretised(scene, settings):
+    mesh = make_mesh(scene, settings["maxh"], settings["order"])
+    arguments = (settings[name] for name in ("order", "quadrature", "inverse"))
+    if scene.in_equilibrium:
+        problem = ConstrainedLagrangian(scene, mesh, *arguments, settings["multiplier_order"])
+    else:
+        gauss_newton = scene.inextensible and settings["schedule"] == "adaptive"
+        problem = Lagrangian(scene, mesh, *arguments, gauss_newton)
+    problem.settings = settings  # the mesh may be a coarser one than the user's
+    return problem
+
+
+def _run(problem, recorder, settings):
+    scene, tolerance = problem.scene, settings.get("tolerance")
+    if scene.in_equilibrium:
+        if settings["schedule"] == "paper":
+            return saddle_flow(problem, recorder, settings.get("barrier_end", 0), tolerance)
+        warm = not recorder.memory and _start_from_coarser(problem, recorder, settings)
+        if recorder.exhausted:
+            return recorder.why
+        return interior_point(problem, recorder, settings.get("barrier_end", tolerance), warm=warm)
+    flow = FLOWS[settings["schedule"]]
+    if scene.tie_break:
+        return chosen_net(problem, recorder, flow, tolerance)
+    return flow(problem, recorder, "flow", tolerance)
+
+
+def _start_from_coarser(problem, recorder, settings):
+    """Set the state to the solution of the next coarser problem, at a stronger barrier, if it fits.
+
+    Returns whether it does; else the state is as it was. Where the limits are active, and how far
+    the patch is from its start, is found where steps are cheap.
+    """
+    coarser = _coarser(problem.scene, settings)
+    if coarser is None:
+        return False
+    coarse = _discretised(problem.scene, coarser)
+    warm = _start_from_coarser(coarse, recorder, coarse.settings)
+    reason = interior_point(
+        coarse, recorder, max(WARM_MU, settings["barrier_end"]), phase="coarse", warm=warm
+    )
+    given = problem.unknowns.copy()
+    fits = reason is Reason.CONVERGED and problem.take(coarse.state)
+    if not (fits and problem.slacks().min() > FAR):
+        problem.unknowns[:] = given
+        return False
+    return True
+
+
+def _check_choice(argument, value, choices):
+    if not isinstance(value, str) or value not in choices:
+        raise InputError(argument, value, "one of " + ", ".join(map(repr, choices)))
+    return value

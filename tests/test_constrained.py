@@ -22,9 +22,10 @@ from ngcloth import (
 from ngcloth.energy.constrained import ConstrainedLagrangian
 from ngcloth.problem.constraints import RIM_SHARE
 from ngcloth.problem.kinematics import Kinematics, virtual_strain
-from ngcloth.result.history import Reason, Recorder
+from ngcloth.result.history import Reason
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
 from ngcloth.solver.interior_point import Iterate
+from ngcloth.solver.recorder import Recorder
 from ngcloth.solver.saddle_system import ACCURACY, SaddleSystem, _pivots
 from ngcloth.solver.solve import make_mesh
 from ngcloth.solver.start import feasible_start
@@ -153,10 +154,11 @@ def test_linear_solver_with_and_without_pivoting(displaced):
     load, found = (problem.state.vec.CreateVector() for _ in range(2))
     load.FV().NumPy()[:] = times(matrix, direction)
     for inverse, accuracy in (("sparsecholesky", ACCURACY), ("umfpack", 1e-7)):
-        system = SaddleSystem(problem.free, 0, problem.eta_flow, inverse)
+        problem.inverse = inverse
+        system = SaddleSystem(problem)
         for scale in (1.0, 2.0):  # the same system again, with other entries
             matrix.AsVector().data *= scale
-            system.solver(matrix, scale)(load, found)
+            system.solver(matrix)(load, found)
             missed = times(matrix, found.FV().NumPy()) - load.FV().NumPy()
             assert np.linalg.norm(missed[list(problem.free)]) < accuracy * load.Norm()
         matrix.AsVector().data *= 0.5
@@ -168,12 +170,13 @@ def test_minimum_is_told_from_other_saddles(displaced):
     c, free = problem.slacks(), list(problem.free)
     matrix = problem.hessian(problem.mu / c, problem.mu / c**2)
     multipliers = sum(free[problem.psi_dofs.stop :])
-    system = SaddleSystem(problem.free, multipliers, problem.eta_flow, "sparsecholesky")
+    problem.inverse = "sparsecholesky"
+    system = SaddleSystem(problem)
     told, added = [], 0.0
     for rate in (-100.0, -10.0, -1.0, 0.0, 1.0, 10.0, 100.0, 1000.0):
         matrix.AsVector().data += (rate - added) * problem.flow.AsVector()
         added = rate
-        system.solver(matrix, 1.0)
+        system.solver(matrix)
         dense = matrix.ToDense().NumPy()[free][:, free]
         told.append(system.is_minimum())
         assert told[-1] == ((np.linalg.eigvalsh(dense) < 0).sum() == multipliers)

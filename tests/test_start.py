@@ -20,8 +20,8 @@ from ngcloth import (
 )
 from ngcloth.energy.constrained import ConstrainedLagrangian
 from ngcloth.problem.kinematics import gradient
-from ngcloth.result.history import Recorder
 from ngcloth.solver.interior_point import interior_point
+from ngcloth.solver.recorder import Recorder
 from ngcloth.solver.solve import make_mesh
 from ngcloth.solver.start import STRETCHED, dilate, feasible_start, flatten, near_start
 

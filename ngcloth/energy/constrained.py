@@ -7,7 +7,6 @@ import numpy as np
 
 from ..problem.constraints import RIM_SHARE
 from ..problem.kinematics import Kinematics, gradient, virtual_strain
-from ..solver.saddle_system import SaddleSystem
 from .discretisation import Discretisation, of_state
 from .sampled_cloth import SampledCloth, SampledExpressions, symmetric_products
 from .sampled_limits import SampledLimits
@@ -49,6 +48,8 @@ class ConstrainedLagrangian(Discretisation):
         The limit to which each slack belongs.
     psi_dofs : slice
         Where the unknowns of ψ are in `state`; those of η follow.
+    multipliers : int
+        How many unknowns of η move.
     direction : GridFunction
         A change of `state`, for `slack_changes`.
     """
@@ -83,7 +84,7 @@ class ConstrainedLagrangian(Discretisation):
         psi, eta = self._free_parts()
         self._psi_riesz = self.flow.Inverse(psi, inverse="sparsecholesky")
         self._eta_riesz = self.eta_flow.Inverse(eta, inverse="sparsecholesky")
-        self._system = SaddleSystem(self.free, eta.NumSet(), self.eta_flow, self.inverse)
+        self.multipliers = eta.NumSet()
         self._matrix = self.flow.CreateMatrix()
         self._places = self._places_of_blocks()
         self._force, self._rest = (self.state.vec.CreateVector() for _ in range(2))
@@ -217,17 +218,9 @@ class ConstrainedLagrangian(Discretisation):
         """The norm of a derivative, dual to the H¹ seminorm on the surface."""
         return np.hypot(*(_dual_norm(force, riesz) for riesz in (self._psi_riesz, self._eta_riesz)))
 
-    def solver(self, matrix):
-        """Return a function (load, out) that writes the x with matrix x = load to `out`."""
-        stiffness = np.abs(self._law.partials("stress")).max(initial=1.0)
-        return self._system.solver(matrix, stiffness)
-
-    def is_minimum(self):
-        """Whether the matrix last given to `solver` is positive in all ψ that keep equilibrium.
-
-        Where the factorisation does not tell, the answer is yes.
-        """
-        return self._system.is_minimum()
+    def stiffness(self):
+        """The greatest derivative of the stress by C, over kc: the size of what couples ψ and η."""
+        return np.abs(self._law.partials("stress")).max(initial=1.0)
 
     # How it is put together ---------------------------------------------------------------
 

@@ -1,11 +1,8 @@
-"""What happened on the way: one row per step, why it ended, and the budget."""
+"""What happened on the way: one row per step, and why it ended."""
 
 import enum
 import math
-import time
 from dataclasses import dataclass, fields
-
-import numpy as np
 
 
 class Reason(enum.Enum):
@@ -92,104 +89,5 @@ class Row:
         )
 
 
-class Recorder:
-    """Keeps the rows of a solve, prints them, and says when the budgets are used up.
-
-    Parameters
-    ----------
-    unit : float
-        Energies over the meshed domain are multiplied by this for the rows.
-    max_steps : int
-    log : callable or None
-        Called with each line of text.
-    max_seconds : float, optional
-    after_step : callable, optional
-        Called after each accepted step without arguments; the solve stops if it returns True.
-    checkpoint : Checkpoint, optional
-        Where to keep each accepted step on the solve's own mesh, not on coarser ones that find it
-        a start; the solve goes on from one that is there.
-
-    Attributes
-    ----------
-    problem : Lagrangian
-        Whose step was accepted last; None before the first.
-    memory : dict of ndarray
-        What a loop needs beside the state to go on from a checkpoint; empty without one.
-    """
-
-    columns = tuple(field.name for field in fields(Row))
-    first_columns = columns[:-2]  # in files written before `length` and `active` were kept
-
-    def __init__(self, unit, max_steps, log, max_seconds=np.inf, after_step=None, checkpoint=None):
-        self.unit, self.max_steps, self.log, self.max_seconds = unit, max_steps, log, max_seconds
-        self.rows, self.newton, self.pseudo_time, self.memory = [], 0, 0.0, {}
-        self.problem = None
-        self._after_step, self._checkpoint, self._state = after_step, checkpoint, None
-        self._called_off = False
-        self._begin = time.perf_counter()
-        if log:
-            log(Row.header())
-
-    @property
-    def exhausted(self):
-        """Whether the solve has to stop, for the reason `why`."""
-        return self._called_off or self.newton >= self.max_steps or self.seconds >= self.max_seconds
-
-    @property
-    def why(self):
-        """Which budget is used up."""
-        if self._called_off:
-            return Reason.CALLBACK
-        return Reason.STEP_BUDGET if self.newton >= self.max_steps else Reason.TIME_BUDGET
-
-    @property
-    def seconds(self):
-        """Wall-clock time that the solve has taken."""
-        return time.perf_counter() - self._begin
-
-    def record(self, problem, phase, step, lagrangian, residual, *, length=1.0, active=0, **memory):
-        """Add the row of a step Δt = `step` that has just been accepted.
-
-        `memory` is what the loop needs to go on from here, numbers and arrays.
-        """
-        self.pseudo_time += step
-        row = Row(
-            phase=phase,
-            mu=problem.mu,
-            pseudo_time=self.pseudo_time,
-            step=step,
-            energy=self.unit * problem.cost(),
-            lagrangian=self.unit * lagrangian,
-            residual=residual,
-            newton=self.newton,
-            seconds=self.seconds,
-            length=length,
-            active=active,
-        )
-        self.rows.append(row)
-        self.problem, self._state = problem, problem.unknowns.copy()
-        if self.log:
-            self.log(str(row))
-        if self._checkpoint and phase != "coarse":
-            self._checkpoint.write(self._state, self.rows, memory)
-        if self._after_step and self._after_step():
-            self._called_off = True
-
-    def resume(self, problem):
-        """Go on from the checkpoint, if there is one."""
-        found = self._checkpoint.read(problem.state.vec.size) if self._checkpoint else None
-        if found is None:
-            return
-        self.problem, (self._state, self.rows, self.memory) = problem, found
-        problem.unknowns[:] = self._state
-        last = self.rows[-1]
-        self.newton, self.pseudo_time = last.newton, last.pseudo_time
-        self._begin -= last.seconds
-        if self.log:
-            self.log(f"going on after {self.newton} Newton steps")
-
-    def restore(self):
-        """Return to the last accepted step. Returns whether there is one."""
-        if self.problem is not None:
-            self.problem.unknowns[:] = self._state
-        return self.problem is not None
+COLUMNS = tuple(field.name for field in fields(Row))
+FIRST_COLUMNS = COLUMNS[:-2]  # in files written before `length` and `active` were kept

@@ -13,7 +13,7 @@ from netgen.occ import OCCGeometry
 from .. import scenes
 from ..errors import InputError, check_integer
 from ..problem.scene import Scene
-from .history import Reason, Recorder, Row
+from .history import COLUMNS, FIRST_COLUMNS, Reason, Row
 from .result import Result
 from .save import (
     CHECKSUMS,
@@ -215,7 +215,7 @@ def _state(scene, mesh, settings, fields):
 
 def _history(data):
     rows = list(csv.reader(io.StringIO(data.decode("utf-8"), newline="")))
-    if tuple(rows[0]) not in (Recorder.columns, Recorder.first_columns):
-        raise ValueError(f"its columns are not {', '.join(Recorder.columns)}")
+    if tuple(rows[0]) not in (COLUMNS, FIRST_COLUMNS):
+        raise ValueError(f"its columns are not {', '.join(COLUMNS)}")
     types = [Row.__dataclass_fields__[name].type for name in rows[0]]
     return [Row(*(kind(text) for kind, text in zip(types, row, strict=True))) for row in rows[1:]]

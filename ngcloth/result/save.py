@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..problem.kinematics import Kinematics
-from .history import Recorder
+from .history import COLUMNS
 
 FORMAT, VERSION = "ngcloth result", 1
 FILES = ("result.json", "history.csv", "scene.npz", "fields.npz")
@@ -154,7 +154,7 @@ def _write(result, folder):
         json.dump(_record(result), file, indent=2, ensure_ascii=False, default=_plain)
     with open(folder / "history.csv", "w", encoding="utf-8", newline="") as file:
         rows = csv.writer(file)
-        rows.writerow(Recorder.columns)
+        rows.writerow(COLUMNS)
         rows.writerows(astuple(row) for row in result.history)
     np.savez_compressed(folder / "scene.npz", **fingerprint(result.scene))
     names = {"psi": slice(0, 2), "eta": slice(2, 4)}

@@ -10,6 +10,7 @@ step is one of backward Euler along the gradient flow.
 import numpy as np
 
 from ..result.history import Reason
+from .saddle_system import SaddleSystem
 from .start import near_start
 
 FIRST_MU, WARM_MU = 1.0, 0.2  # of a solve from the scene's start, and from a coarser mesh
@@ -111,6 +112,7 @@ class Iterate:
 
     def __init__(self, problem, mu, rim_may_yield=False):
         self.problem, self.rim_may_yield, self.rim_yields = problem, rim_may_yield, False
+        self.system = SaddleSystem(problem)
         self.largest_mu = max(mu, FIRST_MU)
         self.set_mu(mu)
         self._begin()
@@ -248,7 +250,7 @@ class Iterate:
         while True:
             matrix.AsVector().data += (self.rate - added) * problem.flow.AsVector()
             added = self.rate
-            solve = problem.solver(matrix)
+            solve = self.system.solver(matrix)
             solve(self._force, problem.direction.vec)
             problem.direction.vec.data *= -1
             recorder.newton += 1
@@ -283,7 +285,7 @@ class Iterate:
         self._project(problem.direction.vec)
         curvature = psi_step.InnerProduct((matrix * psi_step).Evaluate())
         size = psi_step.InnerProduct((problem.flow * psi_step).Evaluate())
-        return curvature > 1e-8 * size and problem.is_minimum()
+        return curvature > 1e-8 * size and self.system.is_minimum()
 
     def _corrected(self, solve, ds, dz):
         """Correct a step for what its products s z miss: solve again with the same matrix.

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..result.history import Reason
+from .saddle_system import SaddleSystem
 from .start import feasible_start
 
 FIRST_MU = 10.0
@@ -38,11 +39,11 @@ def saddle_flow(problem, recorder, last_mu, tolerance):
         problem.mu, relaxed = (recorder.memory[name].item() for name in ("mu", "relaxed"))
     else:
         feasible_start(problem)
-    anchor = problem.state.vec.CreateVector()
+    anchor, system = problem.state.vec.CreateVector(), SaddleSystem(problem)
     while not recorder.exhausted:
         anchor.data = problem.state.vec
         before = _lagrangian(problem)
-        length = _euler_step(problem, recorder, anchor, relaxed)
+        length = _euler_step(problem, system, recorder, anchor, relaxed)
         if length == 0:
             return recorder.why if recorder.exhausted else Reason.STALLED
         now = _lagrangian(problem)
@@ -62,7 +63,7 @@ def _lagrangian(problem):
     return problem.cost() + problem.work() - problem.mu * barrier
 
 
-def _euler_step(problem, recorder, anchor, relaxed):
+def _euler_step(problem, system, recorder, anchor, relaxed):
     """Solve one backward Euler equation by damped Newton steps.
 
     Returns the least accepted length of these; 0 if they did not succeed.
@@ -91,7 +92,7 @@ def _euler_step(problem, recorder, anchor, relaxed):
         matrix = problem.hessian(problem.mu / c, problem.mu / c**2)
         for added, sign in inertia:
             matrix.AsVector().data += sign / TIME_STEP * added.AsVector()
-        problem.solver(matrix)(residual, problem.direction.vec)
+        system.solver(matrix)(residual, problem.direction.vec)
         recorder.newton += 1
         before.data, length = state, 1.0
         while length > SHORTEST:

@@ -20,32 +20,27 @@ class SaddleSystem:
 
     Parameters
     ----------
-    moving : BitArray
-        The unknowns to solve for; the others stay zero.
-    multipliers : int
-        How many of these are of η.
-    eta_flow : BaseMatrix
-        Of which a little is the negative block.
-    inverse : str
-        NGSolve's name of the direct solver; "sparsecholesky" is the LDLᵀ, others use LU at once.
+    problem : ConstrainedLagrangian
+        Whose `free` unknowns are solved for; the others stay zero. With `inverse` "sparsecholesky"
+        the LDLᵀ is used, with NGSolve's other direct solvers LU at once.
     """
 
-    def __init__(self, moving, multipliers, eta_flow, inverse):
-        self._moving, self._multipliers = moving, multipliers
-        self._softener = eta_flow.AsVector()
-        self._without_pivoting = inverse == "sparsecholesky"
-        self._inside, self._factors = ngs.Projector(moving, True), None
-        self._rest = eta_flow.CreateColVector()
+    def __init__(self, problem):
+        self._problem, self._moving = problem, problem.free
+        self._softener = problem.eta_flow.AsVector()
+        self._without_pivoting = problem.inverse == "sparsecholesky"
+        self._inside, self._factors = ngs.Projector(problem.free, True), None
+        self._rest = problem.state.vec.CreateVector()
 
-    def solver(self, matrix, stiffness):
+    def solver(self, matrix):
         """Return a function (load, out) that writes the x with matrix x = load to `out`.
 
         Where also LU fails, x is not a number. `matrix` is always the same object, with other
-        entries each time. `stiffness` is the size of the blocks that couple ψ and η: with less
-        softening than its part of that, the signs of pivots are lost in rounding.
+        entries each time. With less softening than its part of the problem's `stiffness`, the
+        signs of pivots are lost in rounding.
         """
         if self._without_pivoting:
-            softening = SOFTENING * stiffness
+            softening = SOFTENING * self._problem.stiffness()
             matrix.AsVector().data -= softening * self._softener
             if self._factors is None:
                 self._factors = matrix.Inverse(self._moving, inverse="sparsecholesky")
@@ -76,7 +71,7 @@ class SaddleSystem:
         if not self._without_pivoting:
             return True
         pivots = _pivots(self._factors, self._moving.NumSet())
-        return pivots is None or (pivots < 0).sum() == self._multipliers
+        return pivots is None or (pivots < 0).sum() == self._problem.multipliers
 
     def _refined(self, matrix, load, out):
         """Iterate out ← out + factors⁻¹ (load − matrix out); whether that succeeded."""

@@ -10,13 +10,14 @@ from ..energy.constrained import ConstrainedLagrangian
 from ..energy.lagrangian import Lagrangian
 from ..errors import InputError, SolveError, check_integer, check_number
 from ..problem.scene import Scene
-from ..result.history import Reason, Recorder
+from ..result.history import Reason
 from ..result.result import Result
 from ..result.save import fingerprint
 from .checkpoint import Checkpoint
 from .gradient_flow import adaptive_flow, fixed_flow
 from .interior_point import FAR, WARM_MU, interior_point
 from .net_choice import chosen_net
+from .recorder import Recorder
 from .saddle_flow import saddle_flow
 
 FLOWS = {"adaptive": adaptive_flow, "paper": fixed_flow}

@@ -3,7 +3,7 @@
 A constrained scene on a mesh is a nonlinear program,
 
     minimise    E(ψ) = Σ w J W                  over the free degrees of freedom of ψ
-    subject to  ∫ J S : L_η a = 0               for every free basis function η
+    subject to  dE(ψ)[v] = 0                    for every free basis function v
                 c(θ_q) ≥ 0                      for every slack c at every point of ngcloth's.
 
 Here IPOPT solves it, from the scene's start on ngcloth's mesh, spaces and points: exact first and
@@ -28,7 +28,7 @@ import ngsolve as ngs
 import numpy as np
 
 import ngcloth
-from ngcloth.energy.constrained import ConstrainedLagrangian
+from ngcloth.energy.closed_form import ClosedFormLagrangian
 from ngcloth.energy.sampling import RimPoints, Sampling
 from ngcloth.errors import InputError
 from ngcloth.result.history import Reason
@@ -100,7 +100,7 @@ def solve_with_ipopt(scene, maxh, order=2, multiplier_order=None, quadrature=Non
 def discretise(scene, maxh, order, multiplier_order, quadrature):
     """ngcloth's problem on ngcloth's mesh, at the scene's start, made feasible."""
     space = order, quadrature, "umfpack", multiplier_order
-    problem = ConstrainedLagrangian(scene, make_mesh(scene, maxh, order), *space)
+    problem = ClosedFormLagrangian(scene, make_mesh(scene, maxh, order), *space)
     feasible_start(problem)
     return problem
 
@@ -134,7 +134,7 @@ class Cloth:
         determinant = ca.det(gradient)
         self.fabric, self.jacobian = fabric, ca.if_else(determinant > 0, determinant, np.nan)
         inverse = ca.adj(gradient) / self.jacobian
-        green = inverse.T @ metric @ inverse
+        green, bent = (inverse.T @ tensor @ inverse for tensor in (metric, curvature))
         self.I4, self.I6, self.I8 = green[0, 0], green[1, 1], green[0, 1]
         self.stretch1, self.stretch2 = ca.sqrt(self.I4), ca.sqrt(self.I6)
         self.shear = self.I8 / ca.sqrt(self.I4 * self.I6)
@@ -142,8 +142,7 @@ class Cloth:
         energy = fabric.energy(*ca.vertsplit(invariants))
         law = ca.Function("law", [invariants], [energy, ca.gradient(energy, invariants)])
         self.energy, w = law(ca.vertcat(self.I4, self.I6, self.I8))
-        self.contravariant_stress = inverse @ symmetric(w[0], w[2] / 2, w[1]) @ inverse.T
-        self.reaction = -2 * ca.dot(self.contravariant_stress, curvature)
+        self.reaction = -2 * ca.dot(symmetric(w[0], w[2] / 2, w[1]), bent)
 
 
 def symmetric(t11, t12, t22):
@@ -155,19 +154,16 @@ def symmetric(t11, t12, t22):
 def point_kernels(fabric, constraints):
     """Energy, force and slacks at an integration point, and their derivatives by ∇ψ.
 
-    The force multiplies η1, ∇η1, η2, ∇η2 in the work of sliding the cloth along η. Geometry is a
-    column of the weight and of a, ∂1a, ∂2a and b, each as its entries 11, 12, 22.
+    The force multiplies ∇v in dE(ψ)[v]. Geometry is a column of the weight and of a and b, each as
+    its entries 11, 12, 22.
     """
-    gradient, sliding = ca.SX.sym("gradient", 4), ca.SX.sym("sliding", 6)
-    geometry, sigma = ca.SX.sym("geometry", 13), ca.SX.sym("sigma")
-    weight, *tensors = ca.vertsplit(geometry, [0, 1, 4, 7, 10, 13])
-    metric, d1, d2, curvature = (symmetric(*ca.vertsplit(tensor)) for tensor in tensors)
+    gradient, sliding = ca.SX.sym("gradient", 4), ca.SX.sym("sliding", 4)
+    geometry, sigma = ca.SX.sym("geometry", 7), ca.SX.sym("sigma")
+    weight, *tensors = ca.vertsplit(geometry, [0, 1, 4, 7])
+    metric, curvature = (symmetric(*ca.vertsplit(tensor)) for tensor in tensors)
     cloth = Cloth(ca.reshape(gradient, 2, 2).T, metric, curvature, fabric)
-    scale = weight * cloth.jacobian / fabric.stiffness
-    energy = scale * cloth.energy
-    stretched = metric @ ca.blockcat([[sliding[1], sliding[2]], [sliding[4], sliding[5]]])
-    strain = sliding[0] * d1 + sliding[3] * d2 + stretched + stretched.T
-    force = ca.gradient(scale * ca.dot(cloth.contravariant_stress, strain), sliding)
+    energy = weight * cloth.jacobian / fabric.stiffness * cloth.energy
+    force = ca.gradient(energy, gradient)
     slacks = ca.vertcat(*[c for limit in constraints for c in limit.slacks(cloth)])
     z = ca.SX.sym("z", slacks.numel())
     lagrangian = sigma * energy + ca.dot(sliding, force) + ca.dot(z, slacks)
@@ -205,26 +201,26 @@ class Program:
         self.start, state[self.unknowns] = state[self.unknowns], 0.0
         # Points on the rim weigh nothing: limits are all they have.
         inside, on_rim = problem.points, RimPoints(problem.state.space.mesh, quadrature)
-        psi = at_points(problem.fes, (inside, on_rim), (0, 1), (1, 2))
-        eta = at_points(problem.fes, (inside, on_rim), (2, 3), (0, 1, 2))
-        held, psi, eta = psi @ state, psi[:, self.unknowns.tolist()], eta[:, multipliers.tolist()]
+        psi = at_points(problem.fes, (inside, on_rim), (0, 1))
+        v = at_points(problem.fes, (inside, on_rim), (2, 3))
+        held, psi, v = psi @ state, psi[:, self.unknowns.tolist()], v[:, multipliers.tolist()]
         families = (inside, inside.weights), (on_rim, np.zeros(len(on_rim)))
         surface, n = problem.scene.surface, len(inside) + len(on_rim)
         geometry = np.hstack([geometry_at_points(surface, *family) for family in families])
         kernels = point_kernels(problem.scene.fabric, problem.scene.constraints)
         values, firsts, seconds = (kernel.map(n) for kernel in kernels)
-        n_eta, n_slacks = eta.size2(), values.numel_out(2)
-        self.upper = np.r_[np.zeros(n_eta), np.full(n_slacks, np.inf)]
+        n_v, n_slacks = v.size2(), values.numel_out(2)
+        self.upper = np.r_[np.zeros(n_v), np.full(n_slacks, np.inf)]
 
         x, p, sigma = ca.MX.sym("x", psi.size2()), ca.MX.sym("p", 0, 1), ca.MX.sym("sigma")
         multiplier = ca.MX.sym("multiplier", self.upper.size)
         gradient = ca.reshape(psi @ x + held, 4, n)
-        sliding = ca.reshape(eta @ multiplier[:n_eta], 6, n)
-        z = ca.reshape(multiplier[n_eta:], -1, n)
+        sliding = ca.reshape(v @ multiplier[:n_v], 4, n)
+        z = ca.reshape(multiplier[n_v:], -1, n)
         energy, force, slacks = values(gradient, geometry)
-        f, g = ca.sum2(energy), ca.vertcat(eta.T @ ca.vec(force), ca.vec(slacks))
+        f, g = ca.sum2(energy), ca.vertcat(v.T @ ca.vec(force), ca.vec(slacks))
         energy, force, slacks = firsts(gradient, geometry)
-        rows = ca.vertcat((eta.T @ diagonal(force, n)) @ psi, diagonal(slacks, n) @ psi)
+        rows = ca.vertcat((v.T @ diagonal(force, n)) @ psi, diagonal(slacks, n) @ psi)
         second = diagonal(seconds(gradient, geometry, ca.repmat(sigma, 1, n), sliding, z), n)
         hessian = ca.triu((psi.T @ second) @ psi)
         self.nlp = {"x": x, "f": f, "g": g}
@@ -235,21 +231,17 @@ class Program:
         }
 
 
-def at_points(fes, families, components, parts):
-    """The matrix from degrees of freedom to components, point by point.
-
-    `parts` are 0 for values, 1 and 2 for derivatives.
-    """
-    n_fields, first, triplets = len(components) * len(parts), 0, []
+def at_points(fes, families, components):
+    """The matrix from degrees of freedom to gradients of components, point by point."""
+    n_fields, first, triplets = 2 * len(components), 0, []
     for points in families:
         for c, i in enumerate(components):
             sampling = Sampling(fes.components[i], points)
-            shapes = sampling.shapes[:, parts]
-            triangles, _, at_one, _ = shapes.shape
+            triangles, _, at_one, _ = sampling.shapes.shape
             point = first + np.arange(triangles * at_one).reshape(triangles, 1, at_one, 1)
-            field = c * len(parts) + np.arange(len(parts)).reshape(-1, 1, 1)
+            field = 2 * c + np.arange(2).reshape(-1, 1, 1)
             columns = fes.Range(i).start + sampling.dofs[:, None, None]
-            entries = np.broadcast_arrays(n_fields * point + field, columns, shapes)
+            entries = np.broadcast_arrays(n_fields * point + field, columns, sampling.shapes)
             triplets.append([entry.ravel() for entry in entries])
         first += len(points)
     rows, columns, values = map(np.concatenate, zip(*triplets, strict=True))
@@ -258,8 +250,8 @@ def at_points(fes, families, components, parts):
 
 
 def geometry_at_points(surface, points, weights):
-    """Weight, a, ∂1a, ∂2a and b at the points, (13, points)."""
-    tensors = surface.metric, *surface.metric_derivatives, surface.curvature
+    """Weight, a and b at the points, (7, points)."""
+    tensors = surface.metric, surface.curvature
     entries = [tensor[i] for tensor in tensors for i in ((0, 0), (0, 1), (1, 1))]
     return np.vstack([weights, points.sample(ngs.CF(tuple(entries)))])
 

@@ -25,7 +25,7 @@ import obstacle
 import ngcloth
 from ngcloth import scenes
 from ngcloth.chebyshev import ChebyshevNet
-from ngcloth.energy.constrained import ConstrainedLagrangian
+from ngcloth.energy.closed_form import ClosedFormLagrangian
 from ngcloth.solver.solve import make_mesh
 from ngcloth.solver.start import feasible_start
 
@@ -180,7 +180,7 @@ def matrix_seconds(name, maxh):
     ngs.SetNumThreads(1)
     scene = SCENES[name]()
     mesh = make_mesh(scene, maxh, order=2)
-    problem = ConstrainedLagrangian(scene, mesh, 2, 6, "sparsecholesky", 2)
+    problem = ClosedFormLagrangian(scene, mesh, 2, 6, "sparsecholesky", 2)
     feasible_start(problem)
     c = problem.slacks()
     energy = problem.symbolic_energy(c, 1 / c, 1 / c**2)

@@ -5,6 +5,7 @@ being arc lengths along warp and weft, hence the material coordinates X1 and X2.
 in shear it solves θ_uv + Γ(θ)(θ_u, θ_v) = 0, and two crossing threads determine it.
 """
 
+import ngsolve as ngs
 import numpy as np
 from numpy.polynomial import chebyshev, legendre, polynomial
 
@@ -236,7 +237,7 @@ class _Geometry:
         self._surface = surface
         # Compiled, an expression takes a tenth of the time, with the same values.
         self._metric = surface.metric.Compile()
-        self._derivatives = [derivative.Compile() for derivative in surface.metric_derivatives]
+        self._derivatives = [surface.metric.Diff(theta).Compile() for theta in (ngs.x, ngs.y)]
 
     def inside(self, theta):
         """Whether the surface can be evaluated at points (..., 2); False for nan."""

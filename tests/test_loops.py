@@ -13,7 +13,7 @@ import pytest
 
 import ngcloth
 from ngcloth import Reason, Scene, solve
-from ngcloth.energy.constrained import ConstrainedLagrangian
+from ngcloth.energy.closed_form import ClosedFormLagrangian
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
 
 SCENES = {"Chebyshev": (hemicatenoid(), 0.3), "limits": (hemisphere(10.0), 0.3)}
@@ -78,7 +78,7 @@ def test_lengths_and_active_limits(schedule):
     assert min(row.length for row in rows) < 1 == max(row.length for row in rows)
     names = ("order", "quadrature", "inverse", "multiplier_order")
     arguments = (settings[name] for name in names)
-    problem = ConstrainedLagrangian(scene, result.state.space.mesh, *arguments)
+    problem = ClosedFormLagrangian(scene, result.state.space.mesh, *arguments)
     problem.state.vec.data = result.state.vec
     slacks = problem.slacks()
     assert 0 < rows[-1].active < 0.6 * rows[0].active <= 0.6 * slacks.size

@@ -18,7 +18,7 @@ from ngcloth import (
     scenes,
     solve,
 )
-from ngcloth.energy.constrained import ConstrainedLagrangian
+from ngcloth.energy.closed_form import ClosedFormLagrangian
 from ngcloth.problem.kinematics import gradient
 from ngcloth.solver.interior_point import interior_point
 from ngcloth.solver.recorder import Recorder
@@ -31,7 +31,7 @@ FAR = scenes.sphere(0.95, shear_limit=cos(pi / 6))  # λ up to 40 at its start
 
 def discretised(scene, maxh=0.3):
     mesh = make_mesh(scene, maxh, order=2)
-    return ConstrainedLagrangian(scene, mesh, 2, 6, "sparsecholesky", multiplier_order=2)
+    return ClosedFormLagrangian(scene, mesh, 2, 6, "sparsecholesky", 2)
 
 
 def with_start(scene, start):

@@ -77,7 +77,7 @@ class Discretisation:
         # chart then costs what the simplest one does.
         self._metric = self._frozen_symmetric(scene.surface.metric)
         self.area = ngs.Integrate(ngs.sqrt(ngs.Det(self._metric)) * self.points.dx, mesh)
-        self.flow = self._h1_matrix({0: ngs.Id(2)})
+        self.flow = self._h1_matrix(0)
 
     def _spaces(self, mesh, order, mirrors):
         return [ngs.H1(mesh, order=order, dirichlet=line) for line in mirrors]
@@ -110,26 +110,28 @@ class Discretisation:
         return ngs.CF((t11, t12, t12, t22), dims=(2, 2))
 
     def _density(self, cloth):
-        fabric, cost = self.scene.fabric, self.scene.cost
-        density = fabric.energy(cloth.I4, cloth.I6, cloth.I8) if cost is None else cost(cloth)
-        return density / fabric.stiffness
+        """What is minimised per flat area, over kc."""
+        cost = self.scene.cost
+        return cost(cloth) / self.scene.fabric.stiffness if cost else self._strain_energy(cloth)
+
+    def _strain_energy(self, cloth):
+        """W over kc."""
+        fabric = self.scene.fabric
+        return fabric.energy(cloth.I4, cloth.I6, cloth.I8) / fabric.stiffness
 
     def _symbolic_energy(self, density):
         form = ngs.BilinearForm(self.fes, symmetric=True)
         form += ngs.Variation(density.Compile() * self.points.dx)
         return form
 
-    def _h1_matrix(self, products):
-        """The H¹ seminorm on the surface of pairs of components of the space.
+    def _h1_matrix(self, first):
+        """The H¹ seminorm on the surface of the component `first` of the space and the next.
 
         ∫ √det a  a^{αβ} ∂αψ·∂βψ does not depend on the chart; where the chart is conformal it is
-        the paper's ∫ ∇ψ:∇ψ (eq. 23). `products` has the inner product (2, 2) of each pair, by the
-        number of its first component.
+        the paper's ∫ ∇ψ:∇ψ (eq. 23).
         """
         weight = ngs.Cof(self._metric) / ngs.sqrt(ngs.Det(self._metric))
-        trial, test = self.fes.TnT()
         form = ngs.BilinearForm(self.fes, symmetric=True)
-        for i, product in products.items():
-            u, v = (gradient(*pair[i : i + 2]) for pair in (trial, test))
-            form += ngs.InnerProduct(product * u * weight, v) * self.points.dx
+        u, v = (gradient(*pair[first : first + 2]) for pair in self.fes.TnT())
+        form += ngs.InnerProduct(u * weight, v) * self.points.dx
         return form.Assemble().mat

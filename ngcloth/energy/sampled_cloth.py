@@ -13,8 +13,12 @@ class SampledCloth(Kinematics):
     """The state of the cloth at the sampling points.
 
     What depends on ∇ψ does so through C, G⁻ᵀ b G⁻¹ or G itself. Here these are fields of numbers:
-    expressions in them are short to evaluate and to differentiate, and how they change with G is
+    expressions in them are short to evaluate and to differentiate, and how they change with ψ is
     known in closed form. Expressions down to ψ take several times as long.
+
+    A change of ψ by w changes G by Y G, Y = ∂w/∂X being the gradient of w in the flat plane. All
+    derivatives are by Y11, Y12, Y21 and Y22, which keeps formulas short; `flat` has the Y of shape
+    functions.
 
     Parameters
     ----------
@@ -28,6 +32,8 @@ class SampledCloth(Kinematics):
 
     Attributes
     ----------
+    psi : Sampling
+        Of a component of ψ, in the parameter plane.
     unknowns : ndarray
         Those of ψ1 and ψ2.
     variables : list of GridFunction
@@ -35,7 +41,7 @@ class SampledCloth(Kinematics):
     """
 
     def __init__(self, state, psi, points, metric, fabric, curvature):
-        self.state, self.points, self._psi = state, points, psi
+        self.state, self.points, self.psi = state, points, psi
         self.unknowns = state.vec.FV().NumPy()[: state.space.Range(1).stop]
         self.variables, self._tensors = [points.field() for _ in range(4)], []
         super().__init__(ngs.CF(tuple(self.variables), dims=(2, 2)), metric, fabric, curvature)
@@ -49,18 +55,13 @@ class SampledCloth(Kinematics):
     @of_state
     def gradients(self):
         """G at the points, (2, 2, points)."""
-        return self._psi.at_points(self.unknowns.reshape(2, -1))[:, 1:]
+        return self.psi.at_points(self.unknowns.reshape(2, -1))
 
     @of_state
     def jacobians(self):
         """J at the points, (points,)."""
         (g11, g12), (g21, g22) = self.gradients()
         return g11 * g22 - g12 * g21
-
-    def jacobian_slopes(self):
-        """Derivatives of J by G11, G12, G21, G22, (4, points)."""
-        (g11, g12), (g21, g22) = self.gradients()
-        return np.array([g22, -g21, -g12, g11])
 
     @of_state
     def inverses(self):
@@ -70,79 +71,68 @@ class SampledCloth(Kinematics):
 
     @of_state
     def pushed_tensors(self):
-        """C, and G⁻ᵀ b G⁻¹ if that is asked for: a list of `PushedTensor`."""
-        return [PushedTensor(self.inverses(), tensor) for tensor in self._tensors]
+        """C, and G⁻ᵀ b G⁻¹ if that is asked for, each as 11, 22, 12: a list of (3, points)."""
+        return [_pushed(self.inverses(), tensor) for tensor in self._tensors]
 
     @of_state
     def slopes(self):
-        """Derivatives of each of `variables` by G11, G12, G21, G22, (4, points) or (4, 1)."""
-        pushed = (row for tensor in self.pushed_tensors() for row in tensor.slopes)
-        return [*np.eye(4)[:, :, None], *pushed]
+        """Derivatives of each of `variables` by Y, (variables, 4, points)."""
+        (g11, g12), (g21, g22) = self.gradients()
+        none = np.zeros_like(g11)
+        first, second = (g11, g21, none, none), (g12, g22, none, none)
+        slopes = np.array([first, second, (*first[2:], *first[:2]), (*second[2:], *second[:2])])
+        return np.concatenate([slopes, *(pushed_slopes(each) for each in self.pushed_tensors())])
 
     def bend(self, weights):
-        """Second derivatives by G of the sum of `variables` times weights (variables, points)."""
+        """Second derivatives by Y of the sum of `variables` times weights (variables, points)."""
         tensors = self.pushed_tensors()
         by_tensor = weights[4:].reshape(len(tensors), 3, -1)
-        return sum(tensor.bend(part) for tensor, part in zip(tensors, by_tensor, strict=True))
+        return sum(map(pushed_bend, tensors, by_tensor))
+
+    @of_state
+    def flat(self):
+        """Derivatives of ψ's shape functions in the flat plane, a `Sampling`."""
+        return self.psi.flat(self.inverses())
 
     @of_state
     def update(self):
         """Set `variables` to their values at the current state."""
         values = [*self.gradients().reshape(4, -1)]
-        values += [row for tensor in self.pushed_tensors() for row in tensor.entries]
+        values += [row for tensor in self.pushed_tensors() for row in tensor]
         for field, row in zip(self.variables, values, strict=True):
             field.vec.FV().NumPy()[:] = row
 
 
-class PushedTensor:
-    """T = G⁻ᵀ t G⁻¹, a symmetric tensor t of the surface along the threads, at the points.
+def _pushed(inverse, tensor):
+    """T = G⁻ᵀ t G⁻¹ as T11, T22, T12, (3, points), of t and G⁻¹, (2, 2, points)."""
+    half = np.einsum("ian,ijn->ajn", inverse, tensor)
+    (t11, t12), (_, t22) = np.einsum("ajn,jbn->abn", half, inverse)
+    return np.array([t11, t22, t12])
 
-    Parameters
-    ----------
-    inverse, tensor : ndarray, (2, 2, points)
-        G⁻¹ and t.
 
-    Attributes
-    ----------
-    entries : ndarray, (3, points)
-        T11, T22, T12.
+def pushed_slopes(pushed):
+    """Derivatives of T11, T22, T12 by Y, −(Yᵀ T + T Y), (3, 4, points). Linear in T."""
+    t11, t22, t12 = pushed
+    slopes = np.zeros((3, 4, len(t11)))
+    slopes[0, 0], slopes[0, 2] = -2 * t11, -2 * t12
+    slopes[1, 1], slopes[1, 3] = -2 * t12, -2 * t22
+    slopes[2] = -t12, -t11, -t22, -t12
+    return slopes
+
+
+def pushed_bend(pushed, weights):
+    """Second derivatives by Y of w11 T11 + w22 T22 + w12 T12, (4, 4, points). Linear in T and w.
+
+    With Y and Z of two changes, and the sum as M : T, they are 2 M : (T Y Z + T Z Y + Yᵀ T Z).
     """
-
-    def __init__(self, inverse, tensor):
-        self._inverse = inverse
-        half = np.einsum("ian,ijn->ajn", inverse, tensor)
-        self._whole = np.einsum("ajn,jbn->abn", half, inverse)
-        (t11, t12), (_, t22) = self._whole
-        self.entries = np.array([t11, t22, t12])
-
-    @cached_property
-    def slopes(self):
-        """Derivatives of `entries` by G11, G12, G21, G22, (3, 4, points)."""
-        # dT = −(Yᵀ T + T Y), where row i of Y = dG G⁻¹ is row j of G⁻¹ and the other is zero.
-        half = -np.einsum("jan,ibn->abijn", self._inverse, self._whole)
-        slopes = np.array([2 * half[0, 0], 2 * half[1, 1], half[0, 1] + half[1, 0]])
-        return slopes.reshape(3, 4, -1)
-
-    def bend(self, weights):
-        """Second derivatives by G of the sum of `entries` times `weights`, (4, 4, points).
-
-        With that sum as M : T, and Y and Z from two changes of G as in `slopes`, they are
-        2 M : (T Y Z + T Z Y + Yᵀ T Z), as Y itself changes by −Y Z.
-
-        Parameters
-        ----------
-        weights : ndarray, (3, points)
-            One for each entry.
-        """
-        w11, w22, w12 = weights
-        turned = np.einsum("lan,abn->lbn", self._inverse, [[w11, w12 / 2], [w12 / 2, w22]])
-        mixed = np.einsum("lbn,bin->lin", turned, self._whole)
-        mixed = np.einsum("jkn,lin->ijkln", self._inverse, mixed)
-        bend = np.einsum("ikn,lan,jan->ijkln", self._whole, turned, self._inverse)
-        bend += mixed
-        bend += mixed.transpose(2, 3, 0, 1, 4)
-        bend *= 2
-        return bend.reshape(4, 4, -1)
+    (t11, t22, t12), (m11, m22, m12) = pushed, weights
+    whole, turned = np.array([[t11, t12], [t12, t22]]), np.array([[m11, m12 / 2], [m12 / 2, m22]])
+    bend = 2 * whole[:, None, :, None] * turned[:, None, :]
+    product = 2 * np.einsum("abn,bcn->acn", whole, turned)
+    for i in (0, 1):
+        bend[:, i, i] += product
+        bend[i, :, :, i] += product.swapaxes(0, 1)
+    return bend.reshape(4, 4, -1)
 
 
 class SampledExpressions:
@@ -151,49 +141,35 @@ class SampledExpressions:
     Parameters
     ----------
     cloth : SampledCloth
-    **groups : list of CoefficientFunction
-        By the name under which to ask for them.
+    expressions : list of CoefficientFunction
     """
 
-    def __init__(self, cloth, **groups):
+    def __init__(self, cloth, expressions):
         self._cloth, self.unknowns = cloth, cloth.unknowns
-        ends = np.cumsum([len(group) for group in groups.values()])
-        self._rows = {
-            name: slice(int(end) - len(group), int(end))
-            for (name, group), end in zip(groups.items(), ends, strict=True)
-        }
-        expressions = [expression for group in groups.values() for expression in group]
         self._number = len(expressions)
-        self._values = _Stacked(expressions)
-        self._firsts = _partial_derivatives(enumerate(expressions), cloth.variables)
-        self._first_values = _Stacked(self._firsts.values())
+        self._values = Stacked(expressions)
+        self._firsts = partial_derivatives(enumerate(expressions), cloth.variables)
+        self._first_values = Stacked(self._firsts.values())
 
-    def values(self, name):
-        """Their values, (expressions of this name, points)."""
-        return self._all_values()[self._rows[name]]
+    @of_state
+    def values(self):
+        """Their values, (expressions, points)."""
+        self._cloth.update()
+        return self._values.at(self._cloth.points)
 
-    def slopes(self, name):
-        """Their derivatives by G11, G12, G21, G22, (expressions of this name, 4, points)."""
-        return self._all_slopes()[self._rows[name]]
+    @of_state
+    def slopes(self):
+        """Their derivatives by Y, (expressions, 4, points)."""
+        slopes = np.zeros((self._number, 4, len(self._cloth.points)))
+        for (row, variable), partial in zip(self._firsts, self._partials(), strict=True):
+            slopes[row] += partial * self._cloth.slopes()[variable]
+        return slopes
 
-    def partials(self, name):
-        """Their derivatives by the cloth's variables that do not vanish, (derivatives, points)."""
-        rows = self._rows[name]
-        chosen = [rows.start <= row < rows.stop for row, _ in self._firsts]
-        return self._all_partials()[chosen]
-
-    def bend(self, **weights):
-        """Second derivatives by G of their sum times weights, (4, 4, points).
-
-        Parameters
-        ----------
-        **weights : ndarray, (expressions of this name, points)
-            For all groups.
-        """
-        weights = np.concatenate([weights[name] for name in self._rows])
+    def bend(self, weights):
+        """Second derivatives by Y of their sum times weights (expressions, points)."""
         slopes = self._cloth.slopes()
         firsts = np.zeros((len(slopes), len(self._cloth.points)))
-        for (row, variable), partial in zip(self._firsts, self._all_partials(), strict=True):
+        for (row, variable), partial in zip(self._firsts, self._partials(), strict=True):
             firsts[variable] += weights[row] * partial
         bend = self._cloth.bend(firsts)
         places, seconds = self._seconds
@@ -206,19 +182,7 @@ class SampledExpressions:
         return bend + symmetric_products(*zip(*factors, strict=True)) if factors else bend
 
     @of_state
-    def _all_values(self):
-        self._cloth.update()
-        return self._values.at(self._cloth.points)
-
-    @of_state
-    def _all_slopes(self):
-        slopes = np.zeros((self._number, 4, len(self._cloth.points)))
-        for (row, variable), partial in zip(self._firsts, self._all_partials(), strict=True):
-            slopes[row] += partial * self._cloth.slopes()[variable]
-        return slopes
-
-    @of_state
-    def _all_partials(self):
+    def _partials(self):
         self._cloth.update()
         return self._first_values.at(self._cloth.points)
 
@@ -228,19 +192,19 @@ class SampledExpressions:
         variables = self._cloth.variables
         seconds = {
             (*at, other): second
-            for (at, other), second in _partial_derivatives(self._firsts.items(), variables).items()
+            for (at, other), second in partial_derivatives(self._firsts.items(), variables).items()
             if other <= at[1]
         }
-        return list(seconds), _Stacked(seconds.values())
+        return list(seconds), Stacked(seconds.values())
 
 
 def symmetric_products(left, right):
     """The sum of l rᵀ + r lᵀ over pairs of l and r, each (4, points): (4, 4, points)."""
-    half = np.einsum("kin,kjn->ijn", left, np.broadcast_arrays(*right))
+    half = np.einsum("kin,kjn->ijn", left, right)
     return half + half.swapaxes(0, 1)
 
 
-def _partial_derivatives(named, variables):
+def partial_derivatives(named, variables):
     """Those of named expressions that do not vanish, by (name, number of the variable)."""
     derivatives = {
         (name, number): expression.Diff(variable)
@@ -251,7 +215,7 @@ def _partial_derivatives(named, variables):
     return {at: d for at, d in derivatives.items() if str(d) != "ZeroCoefficientFunction"}
 
 
-class _Stacked:
+class Stacked:
     """Expressions to be sampled all at once."""
 
     def __init__(self, expressions):

@@ -1,5 +1,6 @@
 """The sampling points, shape functions there, and matrices assembled from them."""
 
+from copy import copy
 from functools import cached_property
 
 import ngsolve as ngs
@@ -65,16 +66,16 @@ class Points:
         return form.Assemble().vec.FV().NumPy().copy()
 
     def shapes(self, space):
-        """Shape functions of an H1 space and their numbers, as the attributes of `Sampling`."""
-        samples, triangles = self.space**3, space.mesh.ne
+        """Derivatives of shape functions of an H1 space and their numbers, as of `Sampling`."""
+        samples, triangles = self.space**2, space.mesh.ne
         trial, test = space.TrialFunction(), samples.TestFunction()
         form = ngs.BilinearForm(trialspace=space, testspace=samples)
-        form += ngs.CF((trial, ngs.grad(trial))) * test * self.dx
+        form += ngs.grad(trial) * test * self.dx
         entries, columns, _ = (part.NumPy() for part in form.Assemble().mat.CSR())
         weights = self.weights.reshape(triangles, -1, 1)
         at_one = weights.shape[1]
-        shapes = entries.reshape(3, triangles, at_one, -1) / weights
-        dofs = columns.reshape(3, triangles, at_one, -1)[0, :, 0].copy()  # not the form's memory
+        shapes = entries.reshape(2, triangles, at_one, -1) / weights
+        dofs = columns.reshape(2, triangles, at_one, -1)[0, :, 0].copy()  # not the form's memory
         return shapes.transpose(1, 0, 2, 3), dofs
 
 
@@ -99,6 +100,31 @@ class RimPoints(Points):
     def _interpolate(self, field, expression):
         field.Interpolate(expression, definedon=self._rim)
 
+    @property
+    def seen(self):
+        """The integral over the edges of all triangles, for fields of `on_edges`."""
+        return ngs.dx(element_boundary=True, intrules=self.space.GetIntegrationRules())
+
+    def on_edges(self):
+        """Return a field on the edges of triangles, zero off the rim, and how to set it.
+
+        An energy of ∇ψ on the rim is one over the edges of all triangles (`seen`), where fields of
+        these points have no values: what is set there are polynomials that pass through them.
+        """
+        rule = self.space.GetIntegrationRules()[ngs.ET.SEGM]
+        space = ngs.FacetFESpace(self._mesh, order=len(rule.weights) - 1)
+        field, samples = ngs.GridFunction(space), self.field()
+        trial, test = space.TnT()
+        mass = ngs.BilinearForm(trial * test * self.dx).Assemble().mat
+        invert = mass.Inverse(space.GetDofs(self._rim), inverse="sparsecholesky")
+        load = ngs.LinearForm(samples * test * self.dx)
+
+        def set_values(values):
+            samples.vec.FV().NumPy()[:] = values
+            field.vec.data = invert * load.Assemble().vec
+
+        return field, set_values
+
     def shapes(self, space):
         """As of `Points`; with the edges on the rim, and the triangles there, for all triangles."""
         rule = self.space.GetIntegrationRules()[ngs.ET.SEGM]
@@ -110,15 +136,13 @@ class RimPoints(Points):
             begin, end = (CORNERS[corners.index(vertex.nr)] for vertex in edge.vertices)
             element, map_to = space.GetFE(triangle), self._mesh.GetTrafo(triangle)
             mapped = [map_to(*point) for point in along * begin + (1 - along) * end]
-            shapes.append(
-                [np.column_stack([element.CalcShape(at), element.CalcDShape(at)]) for at in mapped]
-            )
+            shapes.append([element.CalcDShape(at) for at in mapped])
             dofs.append(space.GetDofNrs(triangle))
-        return np.array(shapes).transpose(0, 3, 1, 2), np.array(dofs)
+        return np.array(shapes, dtype=float).transpose(0, 3, 1, 2), np.array(dofs)
 
 
 class Sampling:
-    """From scalar functions to their values and gradients at the sampling points, and transposed.
+    """From scalar functions to their gradients at the sampling points, and transposed.
 
     Parameters
     ----------
@@ -128,8 +152,8 @@ class Sampling:
 
     Attributes
     ----------
-    shapes : ndarray, (triangles, 3, points of a triangle, dofs of a triangle)
-        Values and both derivatives of the shape functions.
+    shapes : ndarray, (triangles, 2, points of a triangle, dofs of a triangle)
+        Derivatives of the shape functions.
     dofs : ndarray, (triangles, dofs of a triangle)
         Their numbers in `space`.
     """
@@ -138,49 +162,60 @@ class Sampling:
         self.shapes, self.dofs = map(np.ascontiguousarray, points.shapes(space))
         self._ndof = space.ndof
 
+    def flat(self, inverses):
+        """The same with derivatives in the flat plane, given G⁻¹ at the points, (2, 2, points)."""
+        triangles, _, at_one, _ = self.shapes.shape
+        by_triangle = inverses.reshape(2, 2, triangles, at_one)
+        flat = copy(self)
+        flat.shapes = np.einsum("tmqa,mjtq->tjqa", self.shapes, by_triangle)
+        return flat
+
     def at_points(self, functions):
-        """Value and both derivatives, (functions, 3, points), of functions (functions, dofs)."""
+        """Gradients, (functions, 2, points), of functions (functions, dofs)."""
         triangles, _, at_one, n = self.shapes.shape
         coefficients = np.asarray(functions)[:, self.dofs].transpose(1, 2, 0)
         samples = self.shapes.reshape(triangles, -1, n) @ coefficients
-        samples = samples.reshape(triangles, 3, at_one, -1).transpose(3, 1, 0, 2)
-        return samples.reshape(len(functions), 3, -1)
+        samples = samples.reshape(triangles, 2, at_one, -1).transpose(3, 1, 0, 2)
+        return samples.reshape(len(functions), 2, -1)
 
     def transposed(self, samples):
-        """`at_points` transposed: from (functions, 3, points), or with 2 for derivatives alone."""
-        functions, parts, _ = samples.shape
+        """`at_points` transposed, from (functions, 2, points) to (functions, dofs)."""
+        functions = len(samples)
         triangles, _, at_one, n = self.shapes.shape
-        samples = samples.reshape(functions, parts, triangles, at_one).transpose(2, 1, 3, 0)
-        shapes = self.shapes[:, -parts:].reshape(triangles, -1, n).transpose(0, 2, 1)
+        samples = samples.reshape(functions, 2, triangles, at_one).transpose(2, 1, 3, 0)
+        shapes = self.shapes.reshape(triangles, -1, n).transpose(0, 2, 1)
         loads = shapes @ samples.reshape(triangles, -1, functions)
         numbers = self.dofs.ravel()
         return np.array(
             [np.bincount(numbers, load.ravel(), self._ndof) for load in np.moveaxis(loads, 2, 0)]
         )
 
-    def blocks(self, tangent):
-        """Matrices of the triangles for a quadratic form in the gradients of two functions.
+    def blocks(self, tangent, left=None):
+        """Matrices of the triangles for a symmetric bilinear form in gradients of two functions.
 
         Parameters
         ----------
         tangent : ndarray, (4, 4, points)
-            The form at the points, symmetric, its weights included; the derivatives of the first
-            function come before those of the second.
+            The form at the points, its weights included; the derivatives of the first component
+            of a function come before those of the second.
+        left : Sampling, optional
+            Of the functions that number the rows, by default those that number the columns.
 
         Returns
         -------
         ndarray, (triangles, 2 dofs of a triangle, 2 dofs of a triangle)
         """
-        slopes = self.shapes[:, 1:]
+        left, slopes = left or self, self.shapes
         triangles, _, at_one, n = slopes.shape
         tangent = tangent.reshape(2, 2, 2, 2, triangles, at_one)
-        left = slopes.reshape(triangles, -1, n).transpose(0, 2, 1)
-        blocks = np.empty((triangles, 2, n, 2, n))
-        for i, k in ((0, 0), (0, 1), (1, 1)):
+        rows = left.shapes.reshape(triangles, 2 * at_one, -1).transpose(0, 2, 1)
+        blocks = np.empty((triangles, 2, rows.shape[1], 2, n))
+        for i, k in ((0, 0), (0, 1), (1, 1)) if left is self else np.ndindex(2, 2):
             scaled = np.einsum("jltq,tlqb->tjqb", tangent[i, :, k], slopes)
-            blocks[:, i, :, k] = left @ scaled.reshape(triangles, -1, n)
-        blocks[:, 1, :, 0] = blocks[:, 0, :, 1].transpose(0, 2, 1)
-        return blocks.reshape(triangles, 2 * n, 2 * n)
+            blocks[:, i, :, k] = rows @ scaled.reshape(triangles, -1, n)
+        if left is self:
+            blocks[:, 1, :, 0] = blocks[:, 0, :, 1].transpose(0, 2, 1)
+        return blocks.reshape(triangles, 2 * rows.shape[1], 2 * n)
 
 
 def places(matrix, rows, columns):

@@ -28,8 +28,8 @@ class Kinematics:
     stretch1, stretch2 : λ1 = √I4 of the warp, λ2 = √I6 of the weft
     shear : γ = I8 / (λ1 λ2), cosine of the angle between the threads
     energy_slopes : list of the derivatives of W by I4, I6 and I8
-    contravariant_stress : S = G⁻¹ w G⁻ᵀ with w = dW/dC, force per flat length
-    reaction : τ = −2 S : b, force per flat area with which the surface pushes (Laplace's law)
+    reaction : τ = −2 w : G⁻ᵀ b G⁻¹ with w = dW/dC, force per flat area with which the surface
+        pushes (Laplace's law)
     """
 
     def __init__(self, gradient, metric, fabric=None, curvature=None):
@@ -42,11 +42,6 @@ class Kinematics:
         """11, 22 and 12 of G⁻ᵀ t G⁻¹: a symmetric tensor t of the surface along the threads."""
         pushed = self.inverse.trans * tensor * self.inverse
         return pushed[0, 0], pushed[1, 1], pushed[0, 1]
-
-    def power(self, tensor):
-        """S : t, which is w : G⁻ᵀ t G⁻¹, of a symmetric tensor t of the surface."""
-        products = zip(self.energy_slopes, self.pushed(tensor), strict=True)
-        return sum((slope * part for slope, part in products), ngs.CF(0.0))
 
     @cached_property
     def cauchy_green(self):  # noqa: D102
@@ -70,23 +65,11 @@ class Kinematics:
         return [energy.Diff(invariant) for invariant in (self.I4, self.I6, self.I8)]
 
     @cached_property
-    def contravariant_stress(self):  # noqa: D102
-        slope4, slope6, slope8 = self.energy_slopes
-        w = ngs.CF((slope4, slope8 / 2, slope8 / 2, slope6), dims=(2, 2))
-        return self.inverse * w * self.inverse.trans
-
-    @cached_property
     def reaction(self):  # noqa: D102
-        return -2 * self.power(self.curvature())
+        products = zip(self.energy_slopes, self.pushed(self.curvature()), strict=True)
+        return -2 * sum((slope * part for slope, part in products), ngs.CF(0.0))
 
 
 def gradient(psi1, psi2):
     """G = ∇ψ from the two components of ψ, rows being components."""
     return ngs.CF((ngs.Grad(psi1), ngs.Grad(psi2)), dims=(2, 2))
-
-
-def virtual_strain(eta, eta_gradient, metric, metric_derivatives):
-    """L_η a = η·∇a + a ∇η + ∇ηᵀ a: how the metric changes as the cloth slides along η."""
-    stretched = metric * eta_gradient
-    carried = eta[0] * metric_derivatives[0] + eta[1] * metric_derivatives[1]
-    return carried + stretched + stretched.trans

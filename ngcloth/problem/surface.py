@@ -33,8 +33,6 @@ class Surface:
         Unit normal n on the side of the cloth.
     metric, curvature : CoefficientFunction, (2, 2)
         First and second fundamental form, a = ∇φᵀ∇φ and b = ∂²φ·n.
-    metric_derivatives : pair of CoefficientFunction, (2, 2)
-        ∂1a and ∂2a.
 
     Raises
     ------
@@ -70,10 +68,6 @@ class Surface:
     def metric(self):  # noqa: D102
         first, second = self._tangents
         return ngs.CF((first * first, first * second, first * second, second * second), dims=(2, 2))
-
-    @cached_property
-    def metric_derivatives(self):  # noqa: D102
-        return (self.metric.Diff(ngs.x), self.metric.Diff(ngs.y))
 
     @cached_property
     def normal(self):  # noqa: D102

@@ -3,7 +3,7 @@
 import ngsolve as ngs
 import numpy as np
 
-from ..problem.kinematics import Kinematics, gradient, virtual_strain
+from ..problem.kinematics import Kinematics, gradient
 
 
 def equilibrium_residual(result):
@@ -20,18 +20,20 @@ def equilibrium_residual(result):
         See `Result.equilibrium_residual`.
     """
     scene, mesh = result.scene, result.state.space.mesh
-    surface, order = scene.surface, result.settings["order"] + 1
+    metric, order = scene.surface.metric, result.settings["order"] + 1
     mirrors = ["mirror1", "mirror2"] if scene.symmetric else ["", ""]
     space = ngs.FESpace([ngs.H1(mesh, order=order, dirichlet=line) for line in mirrors])
-    eta, rule = space.TestFunction(), ngs.dx(bonus_intorder=2 * order)
-    cloth = Kinematics(gradient(*result.state.components[:2]), surface.metric, scene.fabric)
-    strain = virtual_strain(eta, gradient(*eta), surface.metric, surface.metric_derivatives)
-    stress = cloth.contravariant_stress / scene.fabric.stiffness
-    force = ngs.LinearForm(space)
-    force += (cloth.jacobian * ngs.InnerProduct(stress, strain)).Compile() * rule
+    v, rule = space.TestFunction(), ngs.dx(bonus_intorder=2 * order)
+    slope = gradient(*result.state.components[:2])
+    cloth = Kinematics(slope, metric)
+    energy = cloth.jacobian * scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
+    force, area = ngs.LinearForm(space), ngs.sqrt(ngs.Det(metric))
+    force += (energy.Diff(slope, gradient(*v)) / scene.fabric.stiffness).Compile() * rule
+    whole = ngs.Integrate(area * rule, mesh)
     norm = ngs.BilinearForm(space, symmetric=True)
-    for u, v in zip(*space.TnT(), strict=True):
-        norm += (ngs.grad(u) * ngs.grad(v) + 1e-2 * u * v) * ngs.dx
+    for u, w in zip(*space.TnT(), strict=True):
+        weight = ngs.Cof(metric) / area
+        norm += ((weight * ngs.grad(u)) * ngs.grad(w) + 1e-2 * area / whole * u * w) * rule
     force.Assemble(), norm.Assemble()
 
     def dual_norm(free):

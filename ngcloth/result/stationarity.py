@@ -7,7 +7,7 @@ import ngsolve as ngs
 import numpy as np
 
 from ..problem.constraints import RIM_SHARE
-from ..problem.kinematics import Kinematics, gradient, virtual_strain
+from ..problem.kinematics import Kinematics, gradient
 
 AT_REST = 1e-2  # of the stress: what may be unbalanced in a scene without limits
 ROUND_OFF = 1e-9  # stress over kc that counts as none
@@ -21,7 +21,7 @@ def _cloth(result):
 
 
 class _StationaryPoint:
-    """L(ψ, η) = ∫ J W + ∫ J S : L_η a − μ Σ ∫ log c dA over kc near the ψ of a result.
+    """L(ψ, v) = E(ψ) + dE(ψ)[v] − μ Σ ∫ log c dA over kc near the ψ of a result.
 
     Integrals are taken at the solver's own points, where alone the barrier exists. Those of the
     barrier are over the surface, and along the rim with a weight of `RIM_SHARE` in all.
@@ -41,8 +41,9 @@ class _StationaryPoint:
         self.root = ngs.sqrt(ngs.Det(self.metric))
         self.slacks = [c for limit in self.scene.constraints for c in limit.slacks(self.cloth)]
         cloth, cost = self.cloth, self.scene.cost
-        density = cost(cloth) if cost else self.scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
-        self.energy = cloth.jacobian * density / self.kc
+        self.energy = cloth.jacobian * self.scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
+        self.energy /= self.kc
+        self.cost = cloth.jacobian * cost(cloth) / self.kc if cost else self.energy
 
     @cached_property
     def interior(self):
@@ -69,7 +70,7 @@ class _StationaryPoint:
 
     @cached_property
     def stress(self):
-        flux = self.energy.Diff(self.slope)
+        flux = self.cost.Diff(self.slope)
         square = ngs.InnerProduct(flux * self.metric, flux) / self.root
         mean = ngs.Integrate(square.Compile() * self.dx, self.mesh) / self.area
         return max(float(np.sqrt(mean)), ROUND_OFF)
@@ -83,9 +84,9 @@ class _StationaryPoint:
 
     def tests(self):
         """The fields of the `Certificate` that are found here."""
-        residual, eta = self.remainder(self.order)
+        residual, v = self.remainder(self.order)
         richer, _ = self.remainder(self.order + 1)
-        hessian, norm = self.pencil(eta)
+        hessian, norm = self.pencil(v)
         flips = [(0, 0), (1, 0), (0, 1), (1, 1)] if self.scene.symmetric else [(0, 0)]
         own, *others = (
             least_eigenvalue(hessian, norm, self.free(self.order, each), self.inverse)
@@ -99,7 +100,7 @@ class _StationaryPoint:
         }
 
     def space(self, order, flips=(0, 0)):
-        """ψ and, with limits, η; the mirrors hold what is odd across them.
+        """ψ and, with limits, v; the mirrors hold what is odd across them.
 
         Component i is odd across mirror i and even across the other; a flip turns both round. The
         four pairs of flips are the four symmetries of a change of a symmetric patch, and the
@@ -112,8 +113,8 @@ class _StationaryPoint:
 
         spaces = [ngs.H1(self.mesh, order=order, dirichlet=held(i)) for i in (0, 1)]
         if self.scene.in_equilibrium:
-            eta = self.settings["multiplier_order"]
-            spaces += [ngs.H1(self.mesh, order=eta, dirichlet=held(i, ["rim"])) for i in (0, 1)]
+            degree = self.settings["multiplier_order"]
+            spaces += [ngs.H1(self.mesh, order=degree, dirichlet=held(i, ["rim"])) for i in (0, 1)]
         return ngs.FESpace(spaces)
 
     def free(self, order, flips=(0, 0)):
@@ -126,7 +127,7 @@ class _StationaryPoint:
         return free
 
     def remainder(self, order):
-        """The least of |dL|² + Σ ∫ (c z − μ)² dA over all η and z, its root per √area; and η.
+        """The least of |dL|² + Σ ∫ (c z − μ)² dA over all v and z, its root per √area; and v.
 
         The first norm is dual to the H¹ seminorm over ψ of that order. With z = μ/c + ∇c·w/c² the
         solution w is what would have to be gained: c z alone may be off by μ at the solver's end.
@@ -135,7 +136,7 @@ class _StationaryPoint:
         trial, test = space.TnT()
         here, there = gradient(*trial[:2]), gradient(*test[:2])
         matrix, force = ngs.BilinearForm(space), ngs.LinearForm(space)
-        force += self.energy.Diff(self.slope, there).Compile() * self.dx
+        force += self.cost.Diff(self.slope, there).Compile() * self.dx
         for c in self.slacks:
             along, across = c.Diff(self.slope, here), c.Diff(self.slope, there)
             for weight, integral in self.barriers:
@@ -152,14 +153,14 @@ class _StationaryPoint:
         solution.vec.data = -1 * solution.vec
         return float(np.sqrt(max(square, 0.0))), solution.components[2:]
 
-    def pencil(self, eta):
+    def pencil(self, v):
         """The matrices [[H, Aᵀ], [A, 0]] and [[M, 0], [0, 0]]: H Hessian of L, A equilibrium."""
         space = self.space(self.order)
         trial, test = space.TnT()
         hessian, norm = ngs.BilinearForm(space), ngs.BilinearForm(space)
-        densities = [(self.energy, self.dx)]
+        densities = [(self.cost, self.dx)]
         if self.scene.in_equilibrium:
-            densities.append((self.work(eta), self.dx))
+            densities.append((self.work(v), self.dx))
             hessian += self.equilibrium(trial, test)
         for c in self.slacks:
             densities += [(-self.mu * w * ngs.log(c), integral) for w, integral in self.barriers]
@@ -175,15 +176,12 @@ class _StationaryPoint:
         weight = ngs.Cof(self.metric) / self.root
         return (weight * ngs.grad(u)) * ngs.grad(v) * self.dx
 
-    def work(self, eta):
-        """J S : L_η a over kc."""
-        derivatives = self.scene.surface.metric_derivatives
-        strain = virtual_strain(ngs.CF(tuple(eta)), gradient(*eta), self.metric, derivatives)
-        stress = self.cloth.contravariant_stress / self.kc
-        return self.cloth.jacobian * ngs.InnerProduct(stress, strain)
+    def work(self, v):
+        """The density of dE[v], over kc."""
+        return self.energy.Diff(self.slope, gradient(*v))
 
     def equilibrium(self, trial, test):
-        """The derivative of the work by ψ and η, both ways round."""
+        """The derivative of dE[v] by ψ and v, both ways round."""
         upper = self.work(trial[2:]).Diff(self.slope, gradient(*test[:2]))
         lower = self.work(test[2:]).Diff(self.slope, gradient(*trial[:2]))
         return (upper + lower).Compile() * self.dx

@@ -70,7 +70,7 @@ def _euler_step(problem, system, recorder, anchor, relaxed):
     """
     state = problem.state.vec
     residual, before, pull = (state.CreateVector() for _ in range(3))
-    inertia = [(problem.flow, 1.0)] + ([(problem.eta_flow, -1.0)] if relaxed else [])
+    inertia = [(problem.flow, 1.0)] + ([(problem.multiplier_flow, -1.0)] if relaxed else [])
 
     def size():
         """Residual of the equation, and its norm; infinite off the feasible set."""

@@ -27,7 +27,7 @@ class SaddleSystem:
 
     def __init__(self, problem):
         self._problem, self._moving = problem, problem.free
-        self._softener = problem.eta_flow.AsVector()
+        self._softener = problem.multiplier_flow.AsVector()
         self._without_pivoting = problem.inverse == "sparsecholesky"
         self._inside, self._factors = ngs.Projector(problem.free, True), None
         self._rest = problem.state.vec.CreateVector()

@@ -6,7 +6,8 @@ import ngsolve as ngs
 import numpy as np
 from netgen.occ import OCCGeometry
 
-from ..energy.constrained import ConstrainedLagrangian
+from ..energy.automatic import AutomaticLagrangian
+from ..energy.closed_form import ClosedFormLagrangian
 from ..energy.lagrangian import Lagrangian
 from ..errors import InputError, SolveError, check_integer, check_number
 from ..problem.scene import Scene
@@ -20,6 +21,7 @@ from .net_choice import chosen_net
 from .recorder import Recorder
 from .saddle_flow import saddle_flow
 
+LINEARISATIONS = {"closed form": ClosedFormLagrangian, "automatic": AutomaticLagrangian}
 FLOWS = {"adaptive": adaptive_flow, "paper": fixed_flow}
 INVERSES = ("sparsecholesky", "umfpack")
 COARSEST = 0.3  # mesh size over diameter
@@ -40,6 +42,7 @@ def solve(
     max_steps=500,
     max_seconds=np.inf,
     schedule="adaptive",
+    linearisation="closed form",
     inverse="sparsecholesky",
     log=None,
     callback=None,
@@ -58,7 +61,7 @@ def solve(
     order : int, optional
         Polynomial order of ψ. Default 2.
     multiplier_order : int, optional
-        Polynomial order of the multiplier η of equilibrium, in scenes with constraints. By
+        Polynomial order of the multiplier v of equilibrium, in scenes with constraints. By
         default that of ψ: with order 1, as in the paper, a layer one element wide along the rim
         goes unbalanced, and the energy converges only like h, from below.
     quadrature : int, optional
@@ -79,6 +82,11 @@ def solve(
         The pseudo-time loop: one Newton step to each of ever longer steps, or the paper's steps
         of one size with a Newton solve in each; with constraints also its barrier, from μ = 10
         halved each time the flow comes to rest. The second is there for comparison.
+    linearisation : {"closed form", "automatic"}, optional
+        How scenes with limits are differentiated: by closed forms at the sampling points, or by
+        NGSolve's automatic linearisation of the whole Lagrangian as one `SymbolicEnergy`, which is
+        the definition, gives the same numbers, and takes several times as long. Scenes without
+        limits always use the latter.
     inverse : {"sparsecholesky", "umfpack"}, optional
         NGSolve's direct solver. Default "sparsecholesky".
     log : callable, optional
@@ -118,7 +126,7 @@ def solve(
         raise InputError("scene", scene, "an ngcloth.Scene")
     known = (
         "maxh, order, multiplier_order, quadrature, barrier_end, tolerance, max_steps, "
-        "max_seconds, schedule, inverse, log, callback, checkpoint, throw"
+        "max_seconds, schedule, linearisation, inverse, log, callback, checkpoint, throw"
     )
     for name, value in unknown.items():
         raise InputError(name, value, f"unknown setting; there are {known}")
@@ -137,11 +145,13 @@ def solve(
             raise InputError(name, function, "a callable of one argument, or None")
     settings["inverse"] = _check_choice("inverse", inverse, INVERSES)
     settings["schedule"] = _check_choice("schedule", schedule, FLOWS)
+    _check_choice("linearisation", linearisation, LINEARISATIONS)
     check_number("tolerance", tolerance, 0, open_low=True)
     check_number("barrier_end", barrier_end, 0, 1, open_low=True)
     if max_seconds != np.inf:
         check_number("max_seconds", max_seconds, 0, open_low=True)
     if scene.in_equilibrium:
+        settings["linearisation"] = linearisation
         multiplier_order = order if multiplier_order is None else multiplier_order
         settings["multiplier_order"] = check_integer("multiplier_order", multiplier_order, 1)
         if multiplier_order > order:  # more multipliers than unknowns: a singular matrix
@@ -269,7 +279,8 @@ def _discretised(scene, settings):
     mesh = make_mesh(scene, settings["maxh"], settings["order"])
     arguments = (settings[name] for name in ("order", "quadrature", "inverse"))
     if scene.in_equilibrium:
-        problem = ConstrainedLagrangian(scene, mesh, *arguments, settings["multiplier_order"])
+        kind = LINEARISATIONS[settings["linearisation"]]
+        problem = kind(scene, mesh, *arguments, settings["multiplier_order"])
     else:
         gauss_newton = scene.inextensible and settings["schedule"] == "adaptive"
         problem = Lagrangian(scene, mesh, *arguments, gauss_newton)

@@ -1,0 +1,117 @@
+"""The Lagrangian of a scene with limits by NGSolve's automatic linearisation alone."""
+
+from functools import cached_property
+
+import ngsolve as ngs
+import numpy as np
+
+from ..problem.kinematics import gradient
+from .constrained import ConstrainedLagrangian
+from .discretisation import of_state
+
+
+class AutomaticLagrangian(ConstrainedLagrangian):
+    """What the loops ask of a `ConstrainedLagrangian`, from its `symbolic_energy` as it stands.
+
+    NGSolve differentiates the whole density, twice, for each triangle anew: several times slower
+    than `ClosedFormLagrangian`, and what that is held to.
+    """
+
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        inside = [[self.points.field() for _ in range(3)] for _ in self.slack_names]
+        on_rim = [[self.rim_points.on_edges() for _ in range(3)] for _ in self.slack_names]
+        self._numbers = inside, on_rim
+        edges = [[field for field, _ in numbers] for numbers in on_rim]
+        self._lagrangian = self.symbolic_energy(inside, edges)
+
+        cloth = self._cloth
+        slope, density = cloth.gradient, self._density(cloth)
+        energy = cloth.jacobian * self._strain_energy(cloth)
+        self._cost = (cloth.jacobian * density).Compile()
+        self._work = energy.Diff(slope, gradient(*self.state.components[2:])).Compile()
+        self._jacobian = cloth.jacobian.Compile()
+        trial = self._kinematics(gradient(*self.fes.TrialFunction()[:2]))
+        self._cost_energy = self._symbolic_energy(trial.jacobian * self._density(trial))
+        seconds = [w.Diff(i) for w in cloth.energy_slopes for i in (cloth.I4, cloth.I6, cloth.I8)]
+        self._seconds = (ngs.CF(tuple(seconds)) / self.scene.fabric.stiffness).Compile()
+
+    def slacks(self):
+        """Values c of all slacks where limits are sampled, (slacks, points)."""
+        return self._at_limits(self._slack_values)
+
+    def slack_changes(self):
+        """Derivatives of all slacks along ψ of `direction`, (slacks, points)."""
+        return self._at_limits(self._slack_slopes)
+
+    @of_state
+    def cost(self):
+        """What is minimised, E or the scene's own cost, over kc and the meshed domain."""
+        return self.points.weights @ self.points.sample(self._cost)[0]
+
+    def work(self):
+        """DE(ψ)[v], over kc: zero in equilibrium."""
+        return self.points.weights @ self.points.sample(self._work)[0]
+
+    @of_state
+    def least_jacobian(self):
+        """The least J over all integration points; NaN if it is not finite somewhere."""
+        return self.points.sample(self._jacobian).min()
+
+    def stiffness(self):
+        """The greatest derivative of the stress by C, over kc: the size of what couples ψ and v."""
+        return max(np.abs(self.points.sample(self._seconds)).max(), 1.0)
+
+    def gradient(self, z, out):
+        """Write ∇E + ∇(dE[v]) − Σ z ∇c at the current state to the vector `out`."""
+        self._freeze(z, np.zeros_like(z))
+        self._lagrangian.Apply(self.state.vec, out)
+
+    def multiplier_force(self, out):
+        """Write dE(ψ), tested with v, to the vector `out`, whose part of ψ becomes zero."""
+        self._lagrangian.Apply(self.state.vec, out)
+        out.FV().NumPy()[self.psi_dofs] = 0
+
+    def cost_gradient(self, out):
+        """Write the derivative of `cost` to the vector `out`."""
+        self._cost_energy.Apply(self.state.vec, out)
+
+    def hessian(self, z, stiffness):
+        """The second derivative of E + dE[v] − Σ z c + ½ Σ stiffness (c − c̄)², c̄ = c frozen."""
+        self._freeze(z, stiffness)
+        self._lagrangian.AssembleLinearization(self.state.vec)
+        return self._lagrangian.mat
+
+    # How it is put together ---------------------------------------------------------------
+
+    def _freeze(self, z, stiffness):
+        """Set c̄ to the current slacks, z and k to these, (slacks, points)."""
+        here, there = self._numbers
+        for row, numbers in enumerate(zip(self.slacks(), z, stiffness, strict=True)):
+            for field, (_, set_edges), values in zip(here[row], there[row], numbers, strict=True):
+                field.vec.FV().NumPy()[:] = values[self.inside]
+                set_edges(values[~self.inside])
+
+    def _at_limits(self, expressions):
+        if not self.slack_names:
+            return np.empty((0, len(self.weights)))
+        inside, on_rim = expressions
+        return np.concatenate([self.points.sample(inside), self.rim_points.sample(on_rim)], axis=1)
+
+    @cached_property
+    def _slack_values(self):
+        return self._compiled(lambda slack, slope: slack)
+
+    @cached_property
+    def _slack_slopes(self):
+        change = gradient(*self.direction.components[:2])
+        return self._compiled(lambda slack, slope: slack.Diff(slope, change))
+
+    def _compiled(self, function):
+        """A function of slacks and ∇ψ, inside and on the rim, as expressions to sample."""
+        cloths = self._cloth, self._on_rim(*self._psi)
+        inside, on_rim = (
+            ngs.CF(tuple(function(slack, cloth.gradient) for slack in self._slacks(cloth)))
+            for cloth in cloths
+        )
+        return inside.Compile(), ngs.BoundaryFromVolumeCF(on_rim.Compile())

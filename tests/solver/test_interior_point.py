@@ -1,0 +1,193 @@
+"""The interior point: steps, budgets, starts, refusals."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from discretising import assert_strictly_feasible, discretised, vector
+
+import ngcloth
+from ngcloth import Elongation, InputError, Net, Obstacle, Reason, Scene, ShearLimit, solve
+from ngcloth.energy.closed_form import ClosedFormLagrangian
+from ngcloth.scenes import hemicatenoid, hemisphere, sphere
+from ngcloth.solver.interior_point import Iterate
+from ngcloth.solver.recorder import Recorder
+from ngcloth.solver.solve import make_mesh
+from ngcloth.solver.start import feasible_start
+
+
+class Longest:
+    """No thread is stretched beyond `largest`."""
+
+    name = "longest thread"
+
+    def __init__(self, largest):
+        self.largest = largest
+
+    def slacks(self, cloth):
+        return self.largest - cloth.stretch1, self.largest - cloth.stretch2
+
+
+@cache
+def solved(ks, maxh, **settings):
+    return solve(hemisphere(ks), maxh=maxh, **settings)
+
+
+def test_refused_step_leaves_the_state_whole(monkeypatch):
+    problem = discretised(hemisphere(10.0))
+    iterate, recorder = Iterate(problem, 1.0), Recorder(1.0, 100, None)
+    before = [vector(problem).copy(), iterate.c.copy(), iterate.s.copy(), iterate.z.copy()]
+    with monkeypatch.context() as patch:
+        patch.setattr(problem, "cost", lambda: np.nan)
+        rate, accepted = iterate.step(recorder)
+    assert not accepted and iterate.refusals == 1
+    after = [vector(problem), iterate.c, iterate.s, iterate.z]
+    assert all(map(np.array_equal, after, before))
+    assert iterate.rate > rate > 0  # the next one is shorter
+    rate, accepted = iterate.step(recorder)
+    assert accepted and not np.array_equal(vector(problem), before[0])
+
+
+def test_budget_of_steps_leaves_a_feasible_iterate():
+    result = solved(10.0, 0.3, max_steps=5)
+    assert result.reason is Reason.STEP_BUDGET and not result.converged
+    assert result.newton_iterations == 5
+    assert_strictly_feasible(result)
+    with pytest.raises(ngcloth.SolveError) as caught:
+        solve(result.scene, maxh=0.3, max_steps=5, throw=True)
+    assert caught.value.result.reason is Reason.STEP_BUDGET
+
+
+def test_limits_hold_strictly_at_the_sampling_points():
+    for result in (solved(1.0, 0.15), solved(100.0, 0.3)):
+        assert_strictly_feasible(result)
+
+
+def test_slack_start_is_pulled_taut():
+    """ψ = 3θ leaves threads at a third of their length; the answer does not depend on it."""
+    scene = Scene(
+        hemisphere().surface, Net(ks=10.0), (Elongation(),), start=(3.0, 3.0), symmetric=True
+    )
+    lines = []
+    result = solve(scene, maxh=0.3, log=lines.append)
+    (line,) = [line for line in lines if "start" in line]
+    assert float(line.split()[-1]) < 1 / 3
+    assert result.converged
+    assert result.energy == pytest.approx(solved(10.0, 0.3).energy, rel=1e-4)
+
+
+def test_hopeless_start_is_refused():
+    """Shear does not change with scale, and what is flattened has some: none respects the limit."""
+    scene = Scene(
+        hemisphere().surface,
+        Net(ks=10.0),
+        (Elongation(), ShearLimit(0.05)),
+        start=lambda x, y: (x + y, y),
+    )
+    with pytest.raises(InputError, match="start.*shear limit") as caught:
+        solve(scene, maxh=0.4)
+    assert caught.value.argument == "start"
+
+
+@pytest.mark.parametrize(
+    "setting, value",
+    [
+        ("multiplier_order", 0),
+        ("multiplier_order", 1.5),
+        ("multiplier_order", True),
+        ("barrier_end", 0.0),
+        ("barrier_end", 10.0),
+        ("barrier_end", -1e-3),
+        ("barrier_end", np.nan),
+        ("barrier_end", "small"),
+        ("schedule", "fast"),
+    ],
+)
+def test_bad_settings(setting, value):
+    with pytest.raises(InputError) as caught:
+        solve(hemisphere(1.0), maxh=0.5, **{setting: value})
+    assert caught.value.argument == setting
+
+
+@pytest.mark.parametrize("limit", [1.2, 1.0, 0.0, -0.5, np.nan, "0.5", True])
+def test_bad_shear_limit(limit):
+    for make in (ShearLimit, lambda limit: sphere(0.6, shear_limit=limit)):
+        with pytest.raises(InputError) as caught:
+            make(limit)
+        assert caught.value.argument == "shear_limit"
+
+
+@pytest.mark.parametrize("limits", [Elongation(), (Elongation,), ("taut",), 1.0])
+def test_bad_constraints(limits):
+    with pytest.raises(InputError) as caught:
+        Scene(hemisphere().surface, Net(ks=1.0), limits)
+    assert caught.value.argument == "constraints"
+
+
+def test_obstacle_needs_stress():
+    with pytest.raises(InputError):
+        hemicatenoid(0.0, obstacle=True)
+    assert any(
+        isinstance(limit, Obstacle) for limit in hemicatenoid(1.0, obstacle=True).constraints
+    )
+
+
+def test_a_start_beyond_a_limit_from_above_is_dilated():
+    """ψ = θ/2 stretches threads up to 4, and 1.5 is allowed: a larger multiple is feasible."""
+    scene = Scene(hemisphere().surface, Net(ks=10.0), (Longest(1.5),), (0.5, 0.5), symmetric=True)
+    mesh = make_mesh(scene, 0.3, order=2)
+    problem = ClosedFormLagrangian(scene, mesh, 2, 6, "sparsecholesky", 2)
+    size = problem.state.vec.Norm()
+    feasible_start(problem)
+    assert problem.slacks().min() > 0
+    assert problem.state.vec.Norm() > 4 / 1.5 * size
+    result = ngcloth.solve(scene, maxh=0.3)
+    assert result.converged and result.extrema["stretch1"][1] < 1.5 + 1e-2
+
+
+def test_tie_break_is_for_scenes_without_limits():
+    """Its term would be missing from the objective of the line search."""
+    with pytest.raises(InputError, match="tie_break"):
+        Scene(hemisphere().surface, Net(ks=1.0), hemisphere(1.0).constraints, tie_break=1e-8)
+
+
+def test_short_steps_raise_the_barrier_to_what_it_was():
+    """However many follow, μ returns to its weight before it was lowered, and no further."""
+    scene = hemisphere(1.0)
+    problem = discretised(scene, 0.6)
+    feasible_start(problem)
+    iterate = Iterate(problem, 1.0)
+    iterate.lower_mu(1e-3)
+    iterate.lower_mu(1e-3)
+    assert iterate.mu == pytest.approx(0.04)
+    for mu in (0.04, 0.04, 0.2, *[0.2] * 6):
+        iterate._retreat_if_stuck(1.0, 0.05)
+        assert iterate.mu == problem.mu == pytest.approx(mu)
+    iterate.lower_mu(1e-3)
+    assert iterate.mu == pytest.approx(0.04)
+
+
+def test_multipliers_begin_anew_after_steps_at_large_rates():
+    """A multiplier that has run away from its slack keeps every later step from moving."""
+    problem = discretised(hemisphere(1.0), 0.6)
+    feasible_start(problem)
+    iterate = Iterate(problem, 1.0)
+    iterate.lower_mu(1e-3)
+    iterate.s[0, 0], iterate.z[0, 0] = 1e-7, 1e6
+    problem.unknowns[problem.psi_dofs.stop :] = 1.0
+    for _ in range(7):
+        iterate._retreat_if_stuck(1e4, 1.0)
+    assert iterate.z[0, 0] == 1e6 and iterate.mu == pytest.approx(0.2)
+    iterate._retreat_if_stuck(1e4, 1.0)
+    assert iterate.mu == pytest.approx(1.0)
+    assert iterate.s == pytest.approx(np.maximum(problem.slacks(), 0.01))
+    assert iterate.s * iterate.z == pytest.approx(1.0)
+    assert not problem.unknowns[problem.psi_dofs.stop :].any()
+
+
+@pytest.mark.slow
+def test_fine_mesh_of_a_large_portion():
+    """At the start on the fine mesh limits leave no room; 400 steps along them do not end."""
+    result = solve(sphere(0.85, shear_limit=float(np.cos(np.pi / 6))), maxh=0.025, max_steps=300)
+    assert result.converged
+    assert result.normalized_energy == pytest.approx(0.992, abs=2e-3)

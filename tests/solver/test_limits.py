@@ -1,0 +1,145 @@
+"""Scenes with limits: what their patches are like, and what limits and equilibrium cost."""
+
+from functools import cache
+
+import ngsolve as ngs
+import numpy as np
+import pytest
+from discretising import assert_solved, assert_strictly_feasible
+
+from ngcloth import Net, Scene, solve
+from ngcloth.scenes import hemicatenoid, hemisphere, sphere
+
+# Directions in the quarter of a symmetric disk.
+ROUND = [(np.cos(a), np.sin(a)) for a in np.radians((10, 30, 45, 70))]
+
+
+class Never:
+    """A limit that never binds."""
+
+    name = "never"
+
+    def slacks(self, cloth):
+        return (cloth.stretch1 + 1,)
+
+
+@cache
+def solved(ks, maxh, **settings):
+    return solve(hemisphere(ks), maxh=maxh, **settings)
+
+
+def largest_v(result):
+    return max(np.abs(c.vec.FV().NumPy()).max() for c in result.state.components[2:])
+
+
+def test_without_active_limit_equilibrium_costs_nothing():
+    """v is zero, and the energy that of the scene without limits."""
+    surface = hemisphere().surface
+
+    def never(maxh):
+        scene = Scene(surface, Net(ks=1.0), (Never(),), symmetric=True)
+        return solve(scene, maxh=maxh, barrier_end=1e-7)
+
+    free = solve(Scene(surface, Net(ks=1.0), symmetric=True), maxh=0.3, tolerance=1e-12)
+    coarse, fine = never(0.3), never(0.15)
+    assert coarse.converged and fine.converged and free.converged
+    assert coarse.normalized_energy == pytest.approx(free.normalized_energy, rel=1e-4)
+    assert coarse.normalized_energy >= free.normalized_energy * (1 - 1e-9)  # one condition more
+    assert solved(1.0, 0.3).normalized_energy > 1.5 * free.normalized_energy
+    # A patch at which E is stationary in all ψ is in equilibrium on the mesh, too.
+    assert max(largest_v(coarse), largest_v(fine)) < 1e-5 * largest_v(solved(1.0, 0.3))
+
+
+def test_barrier_bias_falls_like_mu():
+    ends = [1e-2, 1e-3, 1e-4, 1e-6]
+    energies = np.array([solved(1.0, 0.3, barrier_end=mu).normalized_energy for mu in ends])
+    assert (np.diff(energies) < 0).all()
+    bias = energies[:-1] - energies[-1]
+    order = np.log10(bias[:-1] / bias[1:])
+    assert ((0.7 < order) & (order < 1.3)).all()
+    assert bias[1] < 1e-3 * energies[-1]
+
+
+@pytest.mark.parametrize(
+    "ks, energy, stretch, slack",
+    [
+        (1.0, (0.18417, 0.001), (1.231, 0.005), 0.01),
+        (10.0, (0.8984, 0.006), (1.625, 0.006), 0.01),
+        (100.0, (1.4087, 0.008), (1.821, 0.006), 0.015),
+    ],
+)
+def test_hemisphere(ks, energy, stretch, slack):
+    """Energies are the limits of orders 4 and 6; stretches those of maxh 0.05."""
+    coarse, fine = solved(ks, 0.3), solved(ks, 0.15)
+    assert_solved(coarse, 3 * slack)
+    assert_solved(fine, slack)
+    assert fine.normalized_energy == pytest.approx(energy[0], abs=energy[1])
+    for thread in ("stretch1", "stretch2"):
+        assert fine.extrema[thread][1] == pytest.approx(stretch[0], abs=stretch[1])
+    assert fine.equilibrium_residual < 0.3 * coarse.equilibrium_residual < 0.1
+
+
+def test_linear_multiplier_leaves_the_rim_unbalanced():
+    """A poorer v asks for less: less energy, and more force left."""
+    poor, rich = solved(1.0, 0.15, multiplier_order=1), solved(1.0, 0.15)
+    assert_solved(poor)
+    assert poor.normalized_energy < 0.95 * rich.normalized_energy
+    assert poor.equilibrium_residual > 3 * rich.equilibrium_residual
+
+
+def test_eta_falls_to_zero_within_the_last_triangles_before_the_rim():
+    inside, seminorm = [], []
+    for maxh in (0.1, 0.05):
+        result = solve(hemisphere(1), maxh=maxh)
+        eta, mesh = result.state.components[2:], result.state.space.mesh
+        inside.append([component(mesh(0.5 * x, 0.5 * y)) for component in eta for x, y in ROUND])
+        square = sum(ngs.InnerProduct(ngs.grad(c), ngs.grad(c)) for c in eta)
+        seminorm.append(np.sqrt(ngs.Integrate(square, mesh)))
+    np.testing.assert_allclose(*inside, rtol=0.03)
+    assert seminorm[1] > 1.4 * seminorm[0]  # of a jump it grows like h^-1/2
+
+
+def test_hemicatenoid():
+    result = solve(hemicatenoid(10.0), maxh=0.2)
+    assert_solved(result)
+    assert result.normalized_energy == pytest.approx(0.235, abs=0.006)
+    assert result.equilibrium_residual < 0.05
+
+
+def test_sphere_with_shear_limit():
+    """All energy that is left is the limit's: a barrier of 1e-3 would cost three times as much."""
+    limit = float(np.cos(np.pi / 6))
+    result = solve(sphere(0.6, shear_limit=limit), maxh=0.15, barrier_end=1e-5)
+    assert_solved(result, shear=limit)
+    assert result.normalized_energy == pytest.approx(4.740e-4, rel=5e-3)
+    assert result.extrema["shear"][1] > 0.98 * limit  # it binds
+
+
+def test_quarter_and_whole_agree():
+    """Two meshes, one of them with mirror lines: the same patch."""
+    quarter = solved(10.0, 0.25)
+    whole = solve(hemisphere(10.0, symmetric=False), maxh=0.25)
+    assert_solved(whole, 0.03)
+    assert whole.normalized_energy == pytest.approx(quarter.normalized_energy, rel=1e-2)
+    assert whole.area == pytest.approx(quarter.area, rel=1e-2)
+
+
+def test_shear_a_million_times_as_stiff_as_threads():
+    """Cloth that can hardly shear: IPOPT's patch has .30255, in 192 steps.
+
+    There are several minima, and rounding decides how soon which one is found.
+    """
+    result = solve(hemicatenoid(1e6), maxh=0.35, max_steps=250)
+    assert result.converged
+    assert 0.29 < result.normalized_energy < 0.303
+    assert result.extrema["shear"][1] < 0.002
+
+
+def test_obstacle():
+    """Unless τ ≥ 0 is asked for, the surface pulls the cloth somewhere; asking costs energy."""
+    free = solve(hemicatenoid(10.0), maxh=0.4)
+    result = solve(hemicatenoid(10.0, obstacle=True), maxh=0.4)
+    assert_solved(result, 0.05, steps=90)
+    assert_strictly_feasible(result)
+    assert free.extrema["reaction"][0] < -5 and result.extrema["reaction"][0] > -1
+    assert result.normalized_energy > 1.1 * free.normalized_energy

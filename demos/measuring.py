@@ -20,30 +20,14 @@ from pathlib import Path
 
 import ngsolve as ngs
 import numpy as np
-import obstacle
+from timed_solves import SCENES
 
 import ngcloth
-from ngcloth import scenes
 from ngcloth.chebyshev import ChebyshevNet
 from ngcloth.energy.closed_form import ClosedFormLagrangian
 from ngcloth.solver.solve import make_mesh
 from ngcloth.solver.start import feasible_start
 
-SCENES = {"hemisphere, Chebyshev": lambda: scenes.hemisphere()}
-SCENES |= {f"hemisphere, ks = {ks}": lambda ks=ks: scenes.hemisphere(ks) for ks in (1, 10, 100)}
-SCENES |= {f"hemicatenoid, ks = {ks}": lambda ks=ks: scenes.hemicatenoid(ks) for ks in (1, 100)}
-SCENES["sphere, p = 0.85"] = lambda: scenes.sphere(0.85, shear_limit=np.cos(np.pi / 6))
-SCENES |= {
-    f"obstacle, ks = {ks}": lambda ks=ks: scenes.hemicatenoid(ks, obstacle=True) for ks in (1, 100)
-}
-# From the paper's start, IPOPT and ngcloth end in different minima; from these in the same.
-TURNED = {
-    f"obstacle, ks = {ks}, start turned by {angle}°": lambda ks=ks, angle=angle: obstacle.scene(
-        ks, angle
-    )
-    for ks, angle in ((1, 10), (100, -10))
-}
-SCENES |= TURNED
 SHORT = 10  # repeat solves shorter than this many seconds, and take the best
 INSIDE = 0.9  # of the way from the centre to the rim: stretches are compared there
 PEER = "IPOPT"

@@ -21,6 +21,12 @@ SHORT = {"hemisphere, ks = 1": 0.04, "hemicatenoid, ks = 1": 0.07, "sphere, p = 
 SHORT |= {"obstacle, ks = 1, start turned by 10°": 0.25}
 
 
+def markdown(lines):
+    """A table as Markdown."""
+    table = [lines[0].keys(), ["---"] * len(lines[0]), *(line.values() for line in lines)]
+    return "\n".join(f"| {' | '.join(map(str, row))} |" for row in table)
+
+
 def select(rows, scene, curve, maxh=None):
     """The rows of a curve."""
     return [

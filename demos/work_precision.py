@@ -38,10 +38,12 @@ from run_time_tables import (
     convergence,
     growth,
     in_short,
+    markdown,
     select,
     steps,
     to_accuracy,
 )
+from timed_solves import TURNED
 
 import ngcloth
 
@@ -100,7 +102,7 @@ MESHES = {
         (0.25,),
     ),
 }
-MESHES |= dict.fromkeys(measuring.TURNED, ((), (), (0.5, 0.4), (0.25,)))
+MESHES |= dict.fromkeys(TURNED, ((), (), (0.5, 0.4), (0.25,)))
 WEAK_MESHES = 3  # as many of the first sizes are solved with the weak barrier as well
 EXACT_MESHES = {2: (0.2, 0.1, 0.05, 0.04, 0.025, 0.0125, 0.00625), 4: (0.4, 0.2, 0.1)}
 EXACT_MESHES |= {6: (0.4, 0.3, 0.2), 8: (0.4, 0.3)}
@@ -148,7 +150,7 @@ def jobs(scene, meshes):
     found += [(WEAK, {"maxh": maxh, **weak}) for maxh in both]
     found += [(f"order 4, {WEAK}", {"order": 4, "maxh": maxh, **weak}) for maxh in fourth]
     budget = {"max_steps": 10**6, "cpu_budget": BUDGET}
-    papers = others if scene not in (*LEFT_OUT, *measuring.TURNED) else ()
+    papers = others if scene not in (*LEFT_OUT, *TURNED) else ()
     found += [(PAPER, {"schedule": "paper", "maxh": maxh, **budget}) for maxh in papers]
     if importlib.util.find_spec("casadi"):
         found += [(PEER, {"maxh": maxh}) for maxh in others]
@@ -331,10 +333,7 @@ def _cell(value):
 
 
 def _section(title, lines):
-    if not lines:
-        return []
-    table = [lines[0].keys(), ["---"] * len(lines[0]), *(line.values() for line in lines)]
-    return [f"## {title}", "\n".join(f"| {' | '.join(map(str, row))} |" for row in table)]
+    return [f"## {title}", markdown(lines)] if lines else []
 
 
 def main(*arguments):

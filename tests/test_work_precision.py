@@ -1,6 +1,7 @@
 """The report on run times, on a tiny subset: rows, ratios and page, and what a row measures."""
 
 import csv
+import shutil
 import sys
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from loading import DEMOS
 
 sys.path.insert(0, str(DEMOS))  # the demo imports its helpers as a script does
+import against_build
 import measuring
 import work_precision as demo
 
@@ -145,3 +147,53 @@ def test_readme_quotes_the_report():
     table = docs.read_text(encoding="utf-8").split("## In short\n\n")[1].split("\n\n")[0]
     assert table.count("\n") >= 5
     assert table in (DEMOS.parent / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def head(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("head")
+    against_build.extract("HEAD", folder)
+    return folder
+
+
+def test_a_build_against_itself(head, monkeypatch):
+    monkeypatch.setattr(against_build, "ROUNDS", 1)
+    wanted = [
+        ("hemisphere, ks = 1", {"maxh": 0.4, "barrier_end": 1e-2}),
+        ("hemisphere, Chebyshev", {"maxh": 0.4}),
+    ]
+    rows = against_build.compare((head, head), wanted, certificate=True)
+    *lines, total = against_build.table(("a", "b"), wanted, rows, certificate=True)
+    assert [line["scene"] for line in lines] == [scene for scene, _ in wanted]
+    assert lines[0]["settings"] == "maxh 0.4, barrier_end 0.01"
+    for line in lines:
+        assert line["steps, a"] == line["steps, b"] and int(line["steps, a"]) > 2
+        assert line["E, a"] == line["E, b"]
+    for build in "ab":
+        seconds = [float(line[f"total, s, {build}"]) for line in lines]
+        assert float(total[f"total, s, {build}"]) == pytest.approx(sum(seconds), abs=2e-3)
+        assert min(seconds) > 0
+    ratio = float(total["total, s, b"]) / float(total["total, s, a"])
+    assert float(total["total, ratio"]) == pytest.approx(ratio, abs=0.02)
+
+
+def test_each_build_solves_by_its_own_tree(head, tmp_path, monkeypatch):
+    """One that always ends at a strong barrier takes fewer steps, to a higher energy."""
+    monkeypatch.setattr(against_build, "ROUNDS", 1)
+    shutil.copytree(head, tmp_path, dirs_exist_ok=True)
+    with open(tmp_path / "ngcloth" / "__init__.py", "a") as file:
+        file.write("\nweak = solve\ndef solve(*a, **k): return weak(*a, **k, barrier_end=0.5)\n")
+    scene = "hemisphere, ks = 1"
+    ((one,), (other,)) = against_build.compare((head, tmp_path), [(scene, {"maxh": 0.4})])[0]
+    assert other["steps"] < one["steps"] and other["energy"] > 1.001 * one["energy"]
+    with pytest.raises(RuntimeError, match="was imported"), against_build.build(DEMOS):
+        pass
+
+
+def test_solves_against_builds():
+    """Those of the report's two curves of order 2, or two coarse meshes of each scene."""
+    every, quick = against_build.solves(), against_build.solves(quick=True)
+    assert {scene for scene, _ in every} == {scene for scene, _ in quick} == set(measuring.SCENES)
+    assert len(quick) == 20 < len(every)
+    assert ("hemisphere, ks = 1", {"maxh": 0.04, "barrier_end": 1e-5}) in every
+    assert all(settings.get("order", 2) == 2 for _, settings in every)

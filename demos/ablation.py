@@ -1,0 +1,317 @@
+"""Which constants and branches of the solver does it take? Each switched off, halved and doubled.
+
+One change at a time: of the constants of interior point, start and gradient flow, and of branches
+that no constant switches off. Each changed solver solves the paper's scenes on three meshes and the
+quick rows of the stability table, well posed but for some nets that end in a singularity. Columns:
+
+    steps            Newton steps of all solves; one that fails counts as the whole budget
+    more             steps than by the solver as it is
+    failures         solves that do not end as they should
+    higher energy    solves that end as they should, in a worse minimum than by the solver as it is
+    CPU seconds      of all solves, one thread; they depend on what else the machine does
+
+Switching off is a value in the tables below, at which a constant has no effect, or None where it
+has one at every value. Run from the repository:
+
+    python demos/ablation.py                # an hour on two cores; writes docs/ablation.md
+    python demos/ablation.py --only DAMPING # prints the lines of one name
+"""
+
+import contextlib
+import os
+import re
+import sys
+import time
+from collections import namedtuple
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+from unittest import mock
+
+import ngsolve as ngs
+import numpy as np
+from run_time_tables import markdown
+from stability_cases import ENDS, cases
+from timed_solves import SCENES, TURNED
+
+import ngcloth
+from ngcloth.solver import gradient_flow, interior_point, saddle_system, start
+
+PAGE = Path(__file__).parents[1] / "docs" / "ablation.md"
+PROCESSES = 2
+BUDGET = 200  # Newton steps
+HIGHER, ZERO = 1e-3, 1e-5  # an energy is higher by more than this part of it, and this number
+FRACTIONS = 0.14, 0.1, 0.07  # mesh sizes of the paper's scenes, over the diameter
+AXES = (
+    "ks/kc, hemisphere",
+    "ks/kc, hemicatenoid",
+    "kc1/kc2, ks = 1",
+    "kc1/kc2, Chebyshev",
+    "γmax, hemisphere ks = 0",
+    "γmax, hemisphere ks = 1",
+    "portion of the sphere, γmax = cos π/6",
+    "portion of the sphere, Chebyshev",
+    "height of the hemicatenoid, ks = 1",
+    "bump on a plane, ks = 1",
+    "sheared chart, ks = 1",
+    "turn of the start, hemisphere",
+    "turn of the start, hemicatenoid",
+    "noise on the start, ks = 0",
+    "noise on the start, ks = 1",
+    "odd starts",
+)
+# Rows of these axes whose end is decided by rounding, or by the mesh.
+LEFT_OUT = {"ks/kc, hemicatenoid": ("1e+06",), "kc1/kc2, Chebyshev": ("0.0001",)}
+LEFT_OUT["portion of the sphere, Chebyshev"] = "0.842", "0.843", "0.85"
+inf = np.inf
+# Names, and the value at which each is switched off.
+CONSTANTS = {
+    interior_point: {
+        "FIRST_MU": 1e-3,  # no sequence of barriers but the last one
+        "WARM_MU": 1.0,  # as from the scene's start
+        "STRESSED": inf,
+        "STRESSED_MU": inf,  # always the largest
+        "LARGEST_FIRST_MU": inf,
+        "LEAST_RATE": 0.0,
+        "FIRST_RATE": 0.0,
+        "LASTING_RATE": inf,
+        "LARGEST_RATE": inf,
+        "HIGHER": None,
+        "TO_BOUNDARY": 1 - 1e-8,
+        "NEARLY": 1.0,
+        "NEARER": 1.0,
+        "SLIDING": inf,
+        "SECOND": 0.0,
+        "SHORTENED": 0.0,
+        "CORRECTORS": 0,
+        "CUT": 1.0,
+        "LONGER": 1.0,  # aims for a full step
+        "CENTRED": 1.0,  # aims for μ
+        "CRUSHED": 0.0,
+        "LEAST_SLACK": 1e-8,
+        "SHORT": 0.0,
+        "SHORT_STEPS": 1,
+        "RAISE": inf,  # as far as it may
+        "SLOW_STEPS": 10**9,
+        "FAR": -inf,
+        "DUAL_RANGE": inf,
+        "SHORTEST": 1e-16,
+        "FORGET": 10**9,
+        "REFUSALS": 10**9,
+    },
+    start: {
+        "STRETCHED": inf,
+        "WORTHWHILE": 1.0,
+        "RIGID_STEPS": 0,
+    },
+    gradient_flow: {
+        "DAMPING": 1e-9,  # 1/Δt is divided by
+        "LEAST_ANGLE_SINE": 0.0,
+        "UNRESOLVED": inf,
+        "NEAR": 0.0,  # the Hessian never takes over
+        "FAITHFUL": (1.0, 1.0),
+        "CONVEX": inf,
+        "LONG": 0.0,
+        "ROUND_OFF_OF_VALUE": 0.0,
+        "ROUND_OFF": 0.0,
+    },
+}
+
+
+def _five_times_weaker(iterate, last_mu):
+    iterate.largest_mu = iterate.mu
+    iterate.set_mu(max(0.2 * iterate.mu, last_mu))
+
+
+def _no_yielding(problem, mu, rim_may_yield=False):
+    return Iterate(problem, mu)
+
+
+def _always_flat(problem, recorder):
+    start.flatten(problem)
+    start.feasible_start(problem)
+
+
+Iterate = interior_point.Iterate
+# What goes: where it is, and what stands in for it.
+BRANCHES = {
+    "inertia": (saddle_system.SaddleSystem, "is_minimum", lambda system: True),
+    "inertia and curvature": (Iterate, "_tends_to_minimum", lambda iterate, matrix: True),
+    "yielding rim": (interior_point, "Iterate", _no_yielding),
+    "all correctors": (Iterate, "_corrected", lambda iterate, solve, ds, dz: (ds, dz)),
+    "filter": (Iterate, "_acceptable", lambda iterate, length, slope, old, new: new[0] < inf),
+    "superlinear fall of μ": (Iterate, "lower_mu", _five_times_weaker),
+    "return to stronger barriers": (Iterate, "_retreat_if_stuck", lambda *arguments: None),
+    "the given start": (interior_point, "near_start", _always_flat),
+}
+BASE = "as it is", ""
+Solve = namedtuple("Solve", "name make settings expected")
+Outcome = namedtuple("Outcome", "reason steps energy seconds")
+
+
+# Changes ----------------------------------------------------------------------------------------
+
+
+def changes():
+    """All changes, {(name, "off", "halved" or "doubled"): (owner, attribute, value)}."""
+    found = {}
+    for module, constants in CONSTANTS.items():
+        for name, off in constants.items():
+            value = getattr(module, name)
+            values = {"off": off, "halved": scaled(value, 0.5), "doubled": scaled(value, 2)}
+            found |= {(name, how): (module, name, x) for how, x in values.items() if x is not None}
+    return found | {(name, "off"): branch for name, branch in BRANCHES.items()}
+
+
+def scaled(value, factor):
+    """A number times a factor; of bounds and fractions near 1, their distance from 1 is scaled."""
+    if isinstance(value, tuple):
+        return tuple(1 + factor * (bound - 1) for bound in value)
+    if 0.5 < value < 1:
+        return max(1 + factor * (value - 1), 0.0)
+    return type(value)(factor * value)
+
+
+@contextlib.contextmanager
+def changed(owner, attribute, value):
+    """Set an attribute of a class or module, also in modules that import it from there."""
+    old = getattr(owner, attribute)
+    modules = [module for name, module in sys.modules.items() if name.startswith("ngcloth.")]
+    with contextlib.ExitStack() as stack:
+        for holder in {owner, *(m for m in modules if vars(m).get(attribute) is old)}:
+            stack.enter_context(mock.patch.object(holder, attribute, value))
+        yield
+
+
+# Solves -----------------------------------------------------------------------------------------
+
+
+def solves():
+    """What each changed solver solves."""
+    found = []
+    for name, make in SCENES.items():
+        for fraction in FRACTIONS if name not in TURNED else ():
+            maxh = fraction * make().surface.domain.diameter
+            found.append(Solve(f"{name}, maxh {maxh:.2g}", make, {"maxh": maxh}, "CONVERGED"))
+    for case in cases():
+        if case.axis in AXES and case.value not in LEFT_OUT.get(case.axis, ()):
+            expected = "SINGULAR" if case.expected == ENDS else "CONVERGED"
+            settings = {"maxh": 0.25} | case.settings
+            found.append(Solve(f"{case.axis}: {case.value}", case.make, settings, expected))
+    return found
+
+
+def outcomes(key, wanted):
+    """The outcome of each solve by the solver with the change of a key."""
+    ngs.SetNumThreads(1)
+    with contextlib.nullcontext() if key == BASE else changed(*changes()[key]):
+        return [_outcome(solve) for solve in wanted]
+
+
+def all_outcomes(key):
+    """`outcomes` of all `solves`, for a process that knows its key alone."""
+    return outcomes(key, solves())
+
+
+def _outcome(solve):
+    begin = time.process_time()
+    try:
+        result = ngcloth.solve(solve.make(), max_steps=BUDGET, **solve.settings)
+        outcome = result.reason.name, result.newton_iterations, result.normalized_energy
+    except Exception as error:  # of whatever a change leads to
+        outcome = type(error).__name__, BUDGET, np.inf
+    if outcome[0] != solve.expected:
+        outcome = outcome[0], BUDGET, outcome[2]
+    return Outcome(*outcome, time.process_time() - begin)
+
+
+# The table --------------------------------------------------------------------------------------
+
+
+def line(key, wanted, found, base):
+    """A line of the table, from the outcomes of a change, and those of the solver as it is."""
+    steps, before = (sum(one.steps for one in outcomes) for outcomes in (found, base))
+    return {
+        "what": key[0],
+        "where": "" if key == BASE else changes()[key][0].__name__.split(".")[-1],
+        "change": _change(key),
+        "steps": steps,
+        "more": f"{100 * (steps / before - 1):+.1f} %",
+        "failures": len(failures(wanted, found)),
+        "higher energy": len(higher(wanted, found, base)),
+        "CPU seconds": f"{sum(one.seconds for one in found):.1f}",
+    }
+
+
+def failures(wanted, found):
+    """Name and end of the solves that do not end as they should."""
+    pairs = zip(wanted, found, strict=True)
+    return [f"{w.name}: {o.reason}" for w, o in pairs if o.reason != w.expected]
+
+
+def higher(wanted, found, base):
+    """Names of the solves that end as they should, in a worse minimum."""
+    return [
+        f"{w.name}: {one.energy:.4g} > {other.energy:.4g}"
+        for w, one, other in zip(wanted, found, base, strict=True)
+        if one.reason == w.expected == other.reason
+        and one.energy > (1 + HIGHER) * other.energy + ZERO
+    ]
+
+
+def _change(key):
+    if key == BASE:
+        return ""
+    owner, name, value = changes()[key]
+    return "off" if callable(value) else f"{key[1]}: {getattr(owner, name)} → {value}"
+
+
+def page(lines, number):
+    """The page, Markdown."""
+    columns = __doc__.split("Columns:\n\n")[1].split("\n\n")[0].splitlines()
+    return "\n".join(
+        [
+            "# Constants and branches of the solver, one at a time",
+            "",
+            f"Written by `python demos/ablation.py`, ngcloth {ngcloth.__version__}, ngsolve "
+            f"{ngs.__version__}: {number} solves by each changed solver, with a budget of {BUDGET} "
+            "Newton steps each.",
+            "",
+            *("- " + re.sub(" {2,}", ": ", column.strip()) for column in columns),
+            "",
+            markdown(lines),
+            "",
+        ]
+    )
+
+
+def main(*arguments):
+    """Run all changes, or those of one name; print a line for each, and write the page."""
+    keys = list(changes())
+    if arguments:
+        if arguments[0] != "--only" or len(arguments) != 2:
+            sys.exit(__doc__)
+        names = list(dict.fromkeys(name for name, _ in keys))
+        keys = [key for key in keys if key[0] == arguments[1]]
+        if not keys:
+            sys.exit(f"{arguments[1]} is none of {', '.join(names)}")
+    os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    wanted, lines = solves(), {}
+    with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
+        tasks = {pool.submit(all_outcomes, key): key for key in (BASE, *keys)}
+        base = next(iter(tasks)).result()
+        for task in as_completed(tasks):
+            key, found = tasks[task], task.result()
+            lines[key] = line(key, wanted, found, base)
+            print(*lines[key].values(), sep=" | ")
+            for text in failures(wanted, found) + higher(wanted, found, base):
+                print("   ", text)
+            sys.stdout.flush()
+    ordered = [lines[key] for key in (BASE, *keys)]
+    print("", markdown(ordered), sep="\n")
+    if not arguments:
+        PAGE.write_text(page(ordered, len(wanted)), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -24,8 +24,7 @@ from timed_solves import SCENES
 
 import ngcloth
 from ngcloth.chebyshev import ChebyshevNet
-from ngcloth.energy.closed_form import ClosedFormLagrangian
-from ngcloth.solver.solve import make_mesh
+from ngcloth.solver.solve import LINEARISATIONS, make_mesh
 from ngcloth.solver.start import feasible_start
 
 SHORT = 10  # repeat solves shorter than this many seconds, and take the best
@@ -149,8 +148,8 @@ def profile(name, maxh):
         "mesh and set-up": cumulative("solve.py", "_discretised"),
         "from coarser meshes": cumulative("constrained.py", "take"),
         "start": cumulative("start.py", "near_start"),
-        "matrix": cumulative("constrained.py", "hessian"),
-        "factorisation, solution": cumulative("constrained.py", "solver", "solve"),
+        "matrix": cumulative("closed_form.py", "hessian"),
+        "factorisation, solution": cumulative("saddle_system.py", "solver", "solve"),
         "line search": cumulative("interior_point.py", "_line_search"),
     }
     parts["forces, stopping test"] = steps - sum(list(parts.values())[2:])
@@ -159,31 +158,27 @@ def profile(name, maxh):
     return {**parts, "rest": total - sum(parts.values())}, total, result.newton_iterations
 
 
-def matrix_seconds(name, maxh):
-    """CPU seconds of the Newton matrix: by `SymbolicEnergy`, and assembled from the points."""
+def linearised(name, linearisation, maxh):
+    """CPU seconds of a Newton matrix and of a solve by default settings, and its Newton steps."""
     ngs.SetNumThreads(1)
     scene = SCENES[name]()
     mesh = make_mesh(scene, maxh, order=2)
-    problem = ClosedFormLagrangian(scene, mesh, 2, 6, "sparsecholesky", 2)
+    problem = LINEARISATIONS[linearisation](scene, mesh, 2, 6, "sparsecholesky", 2)
     feasible_start(problem)
     c = problem.slacks()
-    energy = problem.symbolic_energy(c, 1 / c, 1 / c**2)
-    ways = (
-        lambda: energy.AssembleLinearization(problem.state.vec),
-        lambda: problem.hessian(1 / c, 1 / c**2),
-    )
-    return [least_seconds(way, lambda: scaled(problem)) for way in ways]
-
-
-def least_seconds(run, before, times=5):
-    """The least CPU seconds that `run` takes after `before`, which is not counted."""
-    seconds = []
-    for _ in range(times):
-        before()
+    matrices, runs = [], []
+    for _ in range(3):
+        scaled(problem)
         begin = time.process_time()
-        run()
-        seconds.append(time.process_time() - begin)
-    return min(seconds)
+        problem.hessian(1 / c, 1 / c**2)
+        matrices.append(time.process_time() - begin)
+    load_libraries(scene)
+    while repeat(runs):
+        begin = time.process_time()
+        result = ngcloth.solve(scene, maxh=maxh, linearisation=linearisation)
+        runs.append((time.process_time() - begin, result.newton_iterations))
+    seconds, steps = min(runs)
+    return min(matrices), seconds, steps
 
 
 def scaled(problem):

@@ -18,7 +18,7 @@ FIRST_MU, WARM_MU = 1.0, 0.2  # of a solve from the scene's start, and from a co
 # more than the last.
 STRESSED, STRESSED_MU, LARGEST_FIRST_MU = 200.0, 0.02, 200.0
 # 1/Δt. A rate that negative curvature or a refused step asks for is at least the second; above the
-# third, η is given up, and rates do not last: the barrier's Hessian would no longer bend steps from
+# third, v is given up, and rates do not last: the barrier's Hessian would no longer bend steps from
 # the boundary.
 LEAST_RATE, FIRST_RATE, LASTING_RATE, LARGEST_RATE = 1e-9, 3.0, 1e3, 1e6
 HIGHER = 16  # times the rate that was too low
@@ -95,7 +95,7 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
 
 
 class Iterate:
-    """ψ, η, slack variables s and multipliers z, moved by primal-dual Newton steps.
+    """ψ, v, slack variables s and multipliers z, moved by primal-dual Newton steps.
 
     The slack variables stay positive all the way; c(ψ) = s, like equilibrium, holds at the end.
     Steps that keep c itself positive are cut by its curvature, and stall.
@@ -103,7 +103,7 @@ class Iterate:
     Parameters
     ----------
     problem : ConstrainedLagrangian
-        Its `state` holds ψ and η.
+        Its `state` holds ψ and v.
     mu : float
         The first barrier weight.
     rim_may_yield : bool, optional
@@ -220,7 +220,7 @@ class Iterate:
             self.slow_steps = 0
 
     def _direction(self, recorder):
-        """Solve for the step in ψ and η, and return that of s and z."""
+        """Solve for the step in ψ and v, and return that of s and z."""
         self.problem.cost_gradient(self._cost_gradient)
         solve = self._regularised(recorder)
         ds, dz = self._slack_step(self.mu)
@@ -245,7 +245,7 @@ class Iterate:
     def _regularised(self, recorder):
         """Solve with a rate at which ψ tends to a minimum; return the solver."""
         problem, given = self.problem, self.rate
-        eta = problem.unknowns[problem.psi_dofs.stop :]
+        v = problem.unknowns[problem.psi_dofs.stop :]
         matrix, added = self._linearised(), 0.0
         while True:
             matrix.AsVector().data += (self.rate - added) * problem.flow.AsVector()
@@ -267,10 +267,10 @@ class Iterate:
                 self.rim_may_yield = self.rim_yields = False
                 matrix, added = self._linearised(), 0.0
             self.rate = max(HIGHER * self.rate, FIRST_RATE)
-            if self.rate > LASTING_RATE and eta.any():
-                # Far from equilibrium η can bend the Lagrangian by more than E does, and no rate
-                # makes up for it. The filter does not see η, so that it may begin again.
-                eta[:] = 0
+            if self.rate > LASTING_RATE and v.any():
+                # Far from equilibrium v can bend the Lagrangian by more than E does, and no rate
+                # makes up for it. The filter does not see v, so that it may begin again.
+                v[:] = 0
                 matrix, added, self.rate = self._linearised(), 0.0, given
 
     def _linearised(self):
@@ -333,7 +333,7 @@ class Iterate:
     def _line_search(self, ds, dual_length):
         """Move ψ and s by the first acceptable length, by halves; 0 if there is none.
 
-        η goes as far as the other multipliers, z: forces of both are in balance along a step.
+        v goes as far as the other multipliers, z: forces of both are in balance along a step.
         """
         problem, state = self.problem, self.problem.state.vec
         old, least_jacobian = (self._objective(), self._violation()), problem.least_jacobian()

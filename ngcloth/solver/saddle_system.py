@@ -1,4 +1,4 @@
-"""Linear systems whose matrix is that of a saddle: of a minimum in ψ under equilibrium, with η."""
+"""Linear systems whose matrix is that of a saddle: of a minimum in ψ under equilibrium, with v."""
 
 from functools import cache
 
@@ -6,7 +6,7 @@ import ngsolve as ngs
 import numpy as np
 from netgen.meshing import NgException
 
-SOFTENING = 1e-8  # of the block of η for a factorisation without pivoting, over the stiffness
+SOFTENING = 1e-8  # of the block of v for a factorisation without pivoting, over the stiffness
 REFINEMENTS, ACCURACY = 8, 1e-4  # at most so many, until the residual is this part of the load
 
 
@@ -14,7 +14,7 @@ class SaddleSystem:
     """Factorises one matrix after another, with the same unknowns and the same pattern.
 
     LDLᵀ without pivoting needs a matrix without zeros on the diagonal (Vanderbei, 1995); it gets
-    one with a small negative block for η, whose effect iterative refinement undoes. It takes a
+    one with a small negative block for v, whose effect iterative refinement undoes. It takes a
     tenth of the time of LU with pivoting, which stands by for the rare failure, and its pivots tell
     a minimum in ψ from another saddle.
 

@@ -8,13 +8,13 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import ezdxf
 import numpy as np
 import pytest
+import pyvista as pv
 
 import ngcloth
 from ngcloth import __main__ as cli
-
-pv = pytest.importorskip("pyvista")
 
 ROOT = Path(__file__).parents[1]
 COARSE = ["--maxh", "0.4", "--quiet"]
@@ -83,8 +83,6 @@ def test_fields_are_on_the_hemisphere(stiff):
 
 
 def test_pattern_has_the_area_of_the_patch_at_100_mm_to_the_unit(stiff):
-    pytest.importorskip("shapely")
-    ezdxf = pytest.importorskip("ezdxf")
     out, *_ = stiff
     area = 100**2 * ngcloth.load(out / "result").area
     cut = ezdxf.readfile(out / "pattern.dxf").modelspace().query('LWPOLYLINE[layer=="cut"]')

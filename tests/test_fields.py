@@ -7,12 +7,11 @@ import sys
 import ngsolve as ngs
 import numpy as np
 import pytest
+import pyvista as pv
+from vtkmodules.vtkCommonDataModel import vtkLagrangeTriangle
 
 import ngcloth
 from ngcloth import fields
-
-pv = pytest.importorskip("pyvista")
-from vtkmodules.vtkCommonDataModel import vtkLagrangeTriangle  # noqa: E402
 
 SCALARS = ["stretch1", "stretch2", "shear", "reaction", "jacobian"]
 

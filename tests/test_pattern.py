@@ -7,16 +7,15 @@ import pydoc
 import sys
 import warnings
 
+import ezdxf
 import numpy as np
 import pytest
+import shapely
+import svgelements
 
 import ngcloth
 from ngcloth import Disk, InputError, Net, Rectangle, Scene, Surface
 from ngcloth.output.pattern import cut_pattern, pinning_marks
-
-ezdxf = pytest.importorskip("ezdxf")
-shapely = pytest.importorskip("shapely")
-svgelements = pytest.importorskip("svgelements")
 
 LAYERS = ["cut", "seam", "warp", "weft", "mark", "text"]
 

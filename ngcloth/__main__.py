@@ -1,4 +1,4 @@
-"""From the shell: ``python -m ngcloth hemisphere --ks 100 --maxh 0.1 --out out/``.
+"""From the shell: ``ngcloth hemisphere --ks 100 --maxh 0.1 --out out/``, or ``python -m ngcloth``.
 
 Solves a scene of `ngcloth.scenes` and writes all there is to take away into one folder. Options
 are the parameters of the scene and of `ngcloth.solve`, with the help that their docstrings give.
@@ -86,7 +86,7 @@ class _Parser(argparse.ArgumentParser):
 
 def _parser():
     parser = _Parser(
-        prog="python -m ngcloth",
+        prog="ngcloth",
         description="Find the flat patch of woven cloth that best covers a surface: solve a named "
         "scene and write result, cut pattern, fields and report.",
         epilog=STATUS,
@@ -210,7 +210,15 @@ def _complain(what):
     print("ngcloth:", *str(what).split(), file=sys.stderr)
 
 
-if __name__ == "__main__":
+def run():
+    """The command ``ngcloth``: `main`, after a look at the streams it is to write to."""
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed: without a stand-in a file would take its number
+            setattr(sys, name, open(os.devnull, "r+", encoding="utf-8"))
     for stream in (sys.stdout, sys.stderr):
         stream.reconfigure(errors="replace")  # not every console has Greek letters
     sys.exit(main())
+
+
+if __name__ == "__main__":
+    run()

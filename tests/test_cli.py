@@ -216,15 +216,13 @@ def test_foreign_files_stay_and_are_told(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "fibres.csv").exists()
 
 
-def test_without_the_extra_the_pattern_is_left_out_and_no_old_one_stays(
-    tmp_path, monkeypatch, capsys
-):
-    only(monkeypatch, "pattern.svg", "pattern.dxf", "fibres.csv")
-    (tmp_path / "pattern.svg").write_text("of an earlier result")
-    monkeypatch.setitem(sys.modules, "shapely", None)
+def test_without_the_extra_dxf_is_left_out_and_no_old_one_stays(tmp_path, monkeypatch, capsys):
+    only(monkeypatch, "pattern.dxf", "fibres.csv")
+    (tmp_path / "pattern.dxf").write_text("of an earlier result")
+    monkeypatch.setitem(sys.modules, "ezdxf", None)
     assert cli.main(["hemisphere", *COARSE, "--out", str(tmp_path)]) == 0
     complaints = capsys.readouterr().err
-    assert "pattern.svg left out" in complaints and "ngcloth[cut]" in complaints
+    assert "pattern.dxf left out" in complaints and "ngcloth[cut]" in complaints
     assert not list(tmp_path.glob("pattern.*")) and (tmp_path / "fibres.csv").exists()
 
 

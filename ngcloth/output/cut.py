@@ -45,7 +45,7 @@ def export_svg(result, path, *, marks_csv=None, **options):
     """Write the cut pattern at true scale as SVG, one user unit being one mm.
 
     The layers are "cut", "seam", "warp", "weft", "mark" and "text"; each is a group with this id,
-    and a layer of Inkscape. Needs the extra ``cut``.
+    and a layer of Inkscape. Seam allowances need the extra ``cut``.
 
     Parameters
     ----------

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from ngcloth.output.planar import Room, chords, crosses_itself
+from ngcloth.output.planar import Room, chords, crossing
 
 U_SHAPE = np.array([[0, 0], [9, 0], [9, 5], [6, 5], [6, 2], [3, 2], [3, 5], [0, 5]], float)
 TURNS = np.linspace(0, 7.5, 200)  # more than once around
@@ -47,9 +47,19 @@ def test_crossings_are_those_that_shapely_finds():
         t = 2 * np.pi * (np.arange(30) + spread * rng.normal(size=30)) / 30
         r = 1 + 0.5 * rng.random(30)
         stars.append(r[:, None] * np.stack([np.cos(t), np.sin(t)], axis=-1))
-    found = [crosses_itself(star) for star in stars]
+    found = [crossing(star) is not None for star in stars]
     assert found == [not shapely.LinearRing(star).is_simple for star in stars]
     assert {*found} == {True, False}
+
+
+def test_sides_in_one_line_do_not_meet():
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
+    sides = [
+        np.linspace(*side, 9)[:-1] for side in zip(square, np.roll(square, -1, 0), strict=True)
+    ]
+    assert crossing(np.concatenate(sides)) is None
+    touching = np.array([[0, 0], [2, 0], [2, 2], [1, 0], [0, 2]], float)
+    assert crossing(touching) is not None
 
 
 @pytest.mark.parametrize("outline", [10 * U_SHAPE, wedge(60), wedge(5)])

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError, check_integer, check_number
-from .planar import Room, chords, crosses_itself
+from .planar import Room, chords, crossing
 from .plot import thread_levels
 
 LATTICE = 2**20  # points of the rim between which the outline is refined
@@ -275,7 +275,7 @@ def _warn(result, outline, room):
     if not result.converged:
         flaws.append(f"this is the pattern of a solve that did not converge: {result.reason}")
     # As J > 0, the patch is free of overlap if and only if its outline is.
-    if crosses_itself(outline):
+    if crossing(outline):
         flaws.append("the patch overlaps itself: it cannot be cut from one piece of cloth")
     elif (place := room.narrowest(NARROW)) is not None:
         where = f"for instance at ({place[0]:.1f}, {place[1]:.1f}) mm"

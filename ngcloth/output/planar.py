@@ -8,25 +8,26 @@ import numpy as np
 FEWEST, MOST = 1000, 100_000  # points at which an outline is sampled
 
 
-def crosses_itself(outline):
-    """Whether two sides of the closed outline cross."""
+def crossing(outline):
+    """A point where the closed outline meets itself, or None."""
     start, end = outline, np.roll(outline, -1, axis=0)
-    low, high = np.minimum(start, end)[:, 0], np.maximum(start, end)[:, 0]
+    (low, below), (high, above) = np.minimum(start, end).T, np.maximum(start, end).T
     order, n = np.argsort(low), len(outline)
     # To each side, from left to right, those after it that begin before it ends.
     count = np.searchsorted(low[order], high[order], side="right") - np.arange(n) - 1
     one = np.repeat(np.arange(n), count)
     other = one + 1 + np.arange(len(one)) - np.repeat(np.cumsum(count) - count, count)
     i, j = order[one], order[other]
-    apart = ~np.isin(np.abs(i - j), (1, n - 1))
-    i, j = i[apart], j[apart]
+    near = (below[i] <= above[j]) & (above[i] >= below[j]) & ~np.isin(np.abs(i - j), (1, n - 1))
+    i, j = i[near], j[near]
 
-    def separated(i, j):
-        """Whether the ends of sides `j` lie on different sides of the lines through sides `i`."""
+    def apart(i, j):
+        """Whether sides `j` lie on one side of the lines through sides `i`."""
         along = end[i] - start[i]
-        return _cross(along, start[j] - start[i]) * _cross(along, end[j] - start[i]) < 0
+        return _cross(along, start[j] - start[i]) * _cross(along, end[j] - start[i]) > 0
 
-    return bool(np.any(separated(i, j) & separated(j, i)))
+    met = ~apart(i, j) & ~apart(j, i)
+    return tuple(start[i[met][0]].tolist()) if met.any() else None
 
 
 def chords(outline, levels, axis):

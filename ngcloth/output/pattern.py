@@ -128,6 +128,8 @@ def cut_pattern(result, *, unit_mm=100.0, pitch=10.0, seam=0.0, marks=12, tolera
     ------
     InputError
         If an argument is out of bounds; before any file is written.
+    OSError
+        If a file cannot be written, which leaves that file as it was.
     ImportError
         If there is a seam allowance, and the extra ``cut`` is missing.
     """

@@ -206,7 +206,7 @@ class Result:
 
         return vtu(self, path)
 
-    def export_threads(self, path, pitch):
+    def export_threads(self, path, pitch=None):
         """Write the threads `pitch` apart as polylines (.vtp), see `ngcloth.fields.threads`."""
         from ..output.fields import threads
 

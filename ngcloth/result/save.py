@@ -59,9 +59,6 @@ def save(result, folder):
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(new, ignore_errors=True)
         new.mkdir()
-    except OSError as error:
-        raise InputError("folder", str(folder), f"a place to write to ({error})") from error
-    try:
         _write(result, new)
         if target.exists():
             shutil.rmtree(previous, ignore_errors=True)
@@ -69,6 +66,8 @@ def save(result, folder):
         # Between these two lines `load` falls back on `previous`.
         os.rename(new, target)
         shutil.rmtree(previous, ignore_errors=True)
+    except OSError as error:
+        raise InputError("folder", str(folder), f"a place to write to ({error})") from error
     finally:
         shutil.rmtree(new, ignore_errors=True)
 

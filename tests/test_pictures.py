@@ -1,5 +1,6 @@
 """Pictures are drawn, and show what they should; a plain import loads no plotting."""
 
+import os
 import subprocess
 import sys
 
@@ -95,6 +96,17 @@ def test_convergence_shows_every_step(ax, hemisphere):
 def test_what_cannot_be_drawn_is_refused(ax, hemisphere, wrong):
     with pytest.raises(ngcloth.InputError):
         plot.patch(ax, hemisphere, **wrong)
+
+
+def test_pictures_in_space_leave_the_environment_as_it_was(tmp_path, hemisphere, monkeypatch):
+    from ngcloth import view
+
+    monkeypatch.delenv("DISPLAY", raising=False)
+    before = dict(os.environ)
+    view.cloth(hemisphere, rings=30, screenshot=tmp_path / "cloth.png", size=(60, 40))
+    with pytest.raises(ngcloth.InputError, match="pitch"):
+        view.cloth(hemisphere, rings=30, pitch=1e-9)
+    assert dict(os.environ) == before
 
 
 @pytest.mark.parametrize("field", [None, "shear"])

@@ -225,7 +225,7 @@ def test_rim(n):
         ("surface", [None, Surface, "sphere", Disk()]),
         ("fabric", [None, Net, "net", 1.0, SPHERE]),
         ("symmetric", [None, 1, "yes", np.True_]),
-        ("name", [5, None, b"dome"]),
+        ("name", [5, None, b"dome", "dome\n", "\x01"]),
         ("tie_break", [-1e-3, 2, NAN, True, "a bit", None]),
     ],
 )

@@ -87,6 +87,13 @@ def test_devices_are_written_to_and_links_followed(tmp_path):
     assert (tmp_path / "full").is_char_device()
 
 
+def test_a_pipe_is_written_to():
+    code = "from pathlib import Path; from ngcloth.output.files import write_file; "
+    code += "write_file(Path('/dev/stdout'), b'text')"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    assert run.stdout == b"text"
+
+
 def test_pictures_of_other_kinds_are_refused(tmp_path, result):
     with pytest.raises(ngcloth.InputError, match="ends in .png"):
         result.view(screenshot=tmp_path / "cloth.doc")

@@ -56,12 +56,12 @@ def write_file(path, data):
     OSError
         If that fails, for instance as the disk is full; it names the file, which is as it was.
     """
-    target = path.resolve()
-    new = target.with_name(f".{secrets.token_hex(8)}.ngcloth-new")
     try:
-        if target.exists() and not target.is_file():  # a pipe or a device, not to be replaced
-            target.write_bytes(data)
+        if path.exists() and not path.is_file():  # a pipe or a device, not to be replaced
+            path.write_bytes(data)
             return
+        target = path.resolve()
+        new = target.with_name(f".{secrets.token_hex(8)}.ngcloth-new")
         try:
             new.write_bytes(data)
             os.replace(new, target)

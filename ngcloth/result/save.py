@@ -49,7 +49,9 @@ def save(result, folder):
     Raises
     ------
     InputError
-        If `folder` is something else, or cannot be written.
+        If `folder` is something else, or cannot be made.
+    OSError
+        If a file in it cannot be written, for instance as the disk is full; it names the folder.
     """
     target = checked_path(folder)
     if target.exists():
@@ -59,6 +61,9 @@ def save(result, folder):
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(new, ignore_errors=True)
         new.mkdir()
+    except OSError as error:
+        raise InputError("folder", str(folder), f"a place to write to ({error})") from error
+    try:
         _write(result, new)
         if target.exists():
             shutil.rmtree(previous, ignore_errors=True)
@@ -67,7 +72,7 @@ def save(result, folder):
         os.rename(new, target)
         shutil.rmtree(previous, ignore_errors=True)
     except OSError as error:
-        raise InputError("folder", str(folder), f"a place to write to ({error})") from error
+        raise OSError(error.errno, error.strerror or str(error), str(folder)) from error
     finally:
         shutil.rmtree(new, ignore_errors=True)
 

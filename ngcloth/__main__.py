@@ -1,4 +1,4 @@
-"""From the shell: ``python -m ngcloth hemisphere --ks 100 --maxh 0.1 --out out/``.
+"""From the shell: ``ngcloth hemisphere --ks 100 --maxh 0.1 --out out/``, or ``python -m ngcloth``.
 
 Solves a scene of `ngcloth.scenes` and writes all there is to take away into one folder. Options
 are the parameters of the scene and of `ngcloth.solve`, with the help that their docstrings give.
@@ -20,13 +20,15 @@ from .result.history import Reason
 from .result.result import Result
 from .scenes import NAMED
 from .solver.solve import solve
+from .version import __version__
 
 CONVERGED, NOT_CONVERGED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 SETTINGS = ("maxh", "order", "barrier_end", "max_steps")
 PITCH = 0.1  # of the threads in threads.vtp: that of the pattern, 10 mm at 100 mm to the unit
 STATUS = (
-    f"exit status: {CONVERGED} converged, {NOT_CONVERGED} not converged (the files hold the last "
-    f"good iterate), {BAD_INPUT} bad input or no place to write, {INTERRUPTED} interrupted"
+    f"exit status: {CONVERGED} converged, {NOT_CONVERGED} not converged, {BAD_INPUT} bad input or "
+    f"no place to write, {INTERRUPTED} interrupted; without convergence the files hold the last "
+    "good iterate"
 )
 
 
@@ -61,12 +63,14 @@ def main(argv=None):
     -------
     int
         The exit status: 0 only for a result that has converged and is written, 1 for one that has
-        not converged, 2 for bad input or a file that cannot be written, 130 after Ctrl-C.
+        not converged, 2 for bad input or a file that cannot be written, 130 after Ctrl-C. Files
+        hold the last good iterate, too, where the solve stopped or was interrupted after a step.
 
     Raises
     ------
     SystemExit
-        After ``--help``, with status 0, and for arguments that cannot be parsed, with status 2.
+        After ``--help`` and ``--version``, with status 0, and for arguments that cannot be parsed,
+        with status 2.
     """
     arguments = _parser().parse_args(argv)
     try:
@@ -86,11 +90,12 @@ class _Parser(argparse.ArgumentParser):
 
 def _parser():
     parser = _Parser(
-        prog="python -m ngcloth",
+        prog="ngcloth",
         description="Find the flat patch of woven cloth that best covers a surface: solve a named "
         "scene and write result, cut pattern, fields and report.",
         epilog=STATUS,
     )
+    parser.add_argument("--version", action="version", version=f"ngcloth {__version__}")
     scenes = parser.add_subparsers(dest="scene", metavar="scene", required=True)
     texts = {}
     for make in NAMED.values():
@@ -145,18 +150,20 @@ def _solve_and_write(arguments):
     scene = make(**chosen(inspect.signature(make).parameters))
     folder = _checked_folder(arguments.out)
     bar = None if arguments.quiet else _progress_bar()
-    # Lines appear as they come, and not in blocks, where the output goes to a file.
-    log = None if arguments.quiet else bar.print if bar else partial(print, flush=True)
+    log = None if arguments.quiet else partial(_say, write=bar.print) if bar else _say
     with bar or nullcontext():
         result = solve(scene, log=log, callback=bar, **chosen(SETTINGS))
-    print(result, flush=True)
+    _say(result)
     if result.reason is Reason.INTERRUPTED:
-        raise KeyboardInterrupt
-    print(result.certificate(), flush=True)
-    if not result.converged:
-        _complain(f"not converged: {result.reason}")
+        _complain("interrupted")
+    else:
+        _say(result.certificate())
+        if not result.converged:
+            _complain(f"not converged: {result.reason}")
     written, failed = _write(result, folder)
-    print(f"in {folder}: {', '.join(written)}")
+    _say(f"in {folder}: {', '.join(written)}")
+    if result.reason is Reason.INTERRUPTED:
+        return INTERRUPTED
     if failed:
         return BAD_INPUT
     return CONVERGED if result.converged else NOT_CONVERGED
@@ -172,6 +179,8 @@ def _progress_bar():
 
 def _checked_folder(out):
     """`out` as a path, after a look at whether a folder can be there."""
+    if not out:
+        raise InputError("out", out, "the name of a folder")
     folder = Path(out)
     there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
@@ -206,11 +215,40 @@ def _write(result, folder):
     return written, failed
 
 
+def _say(text, write=print):
+    """Print a text at once, and not in blocks, where the output goes to a file."""
+    try:
+        write(text)
+        sys.stdout.flush()
+    except OSError as error:
+        _give_up(sys.stdout)
+        if not isinstance(error, BrokenPipeError):
+            _complain(f"standard output: {error}")
+
+
 def _complain(what):
-    print("ngcloth:", *str(what).split(), file=sys.stderr)
+    try:
+        print("ngcloth:", *str(what).split(), file=sys.stderr, flush=True)
+    except OSError:
+        _give_up(sys.stderr)
 
 
-if __name__ == "__main__":
+def _give_up(stream):
+    """Say no more where nobody reads any longer, as after ``| head``: the files are what counts."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
+
+
+def run():
+    """The command ``ngcloth``: `main`, after a look at the streams it is to write to."""
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed: without a stand-in a file would take its number
+            setattr(sys, name, open(os.devnull, "r+", encoding="utf-8"))
     for stream in (sys.stdout, sys.stderr):
         stream.reconfigure(errors="replace")  # not every console has Greek letters
     sys.exit(main())
+
+
+if __name__ == "__main__":
+    run()

@@ -6,7 +6,7 @@ import sys
 import ngsolve as ngs
 import numpy as np
 import pytest
-from netgen.occ import OCCGeometry
+from netgen.occ import Circle, MoveTo, OCCGeometry
 
 import ngcloth
 from ngcloth import Disk, InputError, Net, Rectangle, Scene, Surface
@@ -157,6 +157,32 @@ def test_domain(domain):
     refused("domain", repr(domain), Surface, lambda t1, t2: (t1, t2, 0), domain)
 
 
+class Cut(Disk):
+    """The unit disk less a smaller one, or less a strip."""
+
+    def __init__(self, hole):
+        super().__init__()
+        object.__setattr__(self, "hole", hole)
+
+    def _shape(self):
+        return super()._shape() - self.hole
+
+
+@pytest.mark.parametrize(
+    ("hole", "found"),
+    [
+        (lambda: Circle((0, 0), 0.3).Face(), "there are 1, with 2 closed rims"),
+        (lambda: MoveTo(-0.1, -2).Rectangle(0.2, 4).Face(), "there are 2, with 2 closed rims"),
+    ],
+)
+def test_domain_with_holes_or_in_pieces(hole, found):
+    with pytest.raises(InputError, match=found) as error:
+        Surface(lambda t1, t2: (t1, t2, 0 * t1), Cut(hole()))
+    assert error.value.argument == "domain"
+    whole = Cut(MoveTo(0.9, -2).Rectangle(1, 4).Face())  # without a hole it is taken
+    assert Surface(lambda t1, t2: (t1, t2, 0 * t1), whole).domain is whole
+
+
 @pytest.mark.parametrize("side", [0, 2, -2, True, 1.0, "up", None, [1]])
 def test_side(side):
     refused("side", repr(side), Surface, lambda t1, t2: (t1, t2, 0), Disk(), side=side)
@@ -199,6 +225,7 @@ def test_rim(n):
         ("surface", [None, Surface, "sphere", Disk()]),
         ("fabric", [None, Net, "net", 1.0, SPHERE]),
         ("symmetric", [None, 1, "yes", np.True_]),
+        ("name", [5, None, b"dome", "dome\n", "\x01"]),
         ("tie_break", [-1e-3, 2, NAN, True, "a bit", None]),
     ],
 )

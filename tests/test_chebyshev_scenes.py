@@ -439,6 +439,19 @@ def test_extrema(hemisphere):
     assert hemisphere.extrema["jacobian"][0] > 0
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_greatest_shear_is_told_whatever_its_sign_and_place(sign):
+    """Two circles shifted along each other: an exact net with γ = sin θ1 sin θ2."""
+    surface = ngcloth.Surface(
+        lambda u, v: (ngs.sin(u), ngs.sin(v), -ngs.cos(u) - ngs.cos(v)),
+        ngcloth.Rectangle((0, 1), (0, 1.2) if sign > 0 else (-1.2, 0)),
+    )
+    result = ngcloth.solve(ngcloth.Scene(surface, ngcloth.Net()), maxh=0.5, order=4)
+    corner = sign * np.sin(1) * np.sin(1.2)
+    assert result.extrema["shear"] == pytest.approx(sorted([0, corner]), abs=1e-9)
+    assert "|γ| up to 0.784284, threads at 38.3° or more" in str(result)
+
+
 def test_extrema_on_a_plane():
     plane = Surface(lambda t1, t2: (t1, t2, 0), Disk(1))
     result = ngcloth.solve(Scene(plane, Net(kc=3.0, ks=1.0)), maxh=0.5)

@@ -8,22 +8,25 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import ezdxf
 import numpy as np
 import pytest
+import pyvista as pv
 
 import ngcloth
 from ngcloth import __main__ as cli
-
-pv = pytest.importorskip("pyvista")
 
 ROOT = Path(__file__).parents[1]
 COARSE = ["--maxh", "0.4", "--quiet"]
 # A shell may start background jobs with Ctrl-C ignored; a terminal does not.
 AT_A_TERMINAL = """
-import signal, sys
+import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)
-from ngcloth.__main__ import main
-sys.exit(main())
+"""
+QUICKLY = """
+from ngcloth import __main__ as cli
+cli.FILES = {name: cli.FILES[name] for name in ("result", "pattern.svg")}
+cli.run()
 """
 
 
@@ -83,8 +86,6 @@ def test_fields_are_on_the_hemisphere(stiff):
 
 
 def test_pattern_has_the_area_of_the_patch_at_100_mm_to_the_unit(stiff):
-    pytest.importorskip("shapely")
-    ezdxf = pytest.importorskip("ezdxf")
     out, *_ = stiff
     area = 100**2 * ngcloth.load(out / "result").area
     cut = ezdxf.readfile(out / "pattern.dxf").modelspace().query('LWPOLYLINE[layer=="cut"]')
@@ -171,6 +172,7 @@ def test_a_solve_that_does_not_converge_ends_with_1_and_says_so(tmp_path, capsys
         ("hemisphere --portion 0.5", "unrecognized arguments: --portion"),
         ("sphere --portion 1", "portion = 1.0"),
         ("sphere --shear-limit 1.5", "shear_limit = 1.5"),
+        ("hemisphere --out=", "out = ''"),
         ("hemicatenoid --obstacle", "obstacle = True"),
         ("klein_bottle", "invalid choice: 'klein_bottle'"),
         ("", "required: scene"),
@@ -218,15 +220,13 @@ def test_foreign_files_stay_and_are_told(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "fibres.csv").exists()
 
 
-def test_without_the_extra_the_pattern_is_left_out_and_no_old_one_stays(
-    tmp_path, monkeypatch, capsys
-):
-    only(monkeypatch, "pattern.svg", "pattern.dxf", "fibres.csv")
-    (tmp_path / "pattern.svg").write_text("of an earlier result")
-    monkeypatch.setitem(sys.modules, "shapely", None)
+def test_without_the_extra_dxf_is_left_out_and_no_old_one_stays(tmp_path, monkeypatch, capsys):
+    only(monkeypatch, "pattern.dxf", "fibres.csv")
+    (tmp_path / "pattern.dxf").write_text("of an earlier result")
+    monkeypatch.setitem(sys.modules, "ezdxf", None)
     assert cli.main(["hemisphere", *COARSE, "--out", str(tmp_path)]) == 0
     complaints = capsys.readouterr().err
-    assert "pattern.svg left out" in complaints and "ngcloth[cut]" in complaints
+    assert "pattern.dxf left out" in complaints and "ngcloth[cut]" in complaints
     assert not list(tmp_path.glob("pattern.*")) and (tmp_path / "fibres.csv").exists()
 
 
@@ -241,14 +241,44 @@ def test_report_is_written_to_a_relative_folder_and_links_to_its_files(
     assert '<a href="fibres.csv">' in page and 'href="report.html"' not in page
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT to a single process there")
-def test_ctrl_c_ends_with_130_and_one_line(tmp_path):
-    options = ["--ks", "1", "--maxh", "0.03", "--out", str(tmp_path / "out")]
-    process = start(["-c", AT_A_TERMINAL], "hemisphere", *options)
+def test_ctrl_c_ends_with_130_and_leaves_the_last_good_iterate(tmp_path):
+    options = ["--ks", "1", "--maxh", "0.03", "--out", str(tmp_path)]
+    process = start(["-c", AT_A_TERMINAL + QUICKLY], "hemisphere", *options)
     for line in process.stdout:
         if " barrier " in line:
             break
     process.send_signal(signal.SIGINT)
     printed, complaints = process.communicate(timeout=60)
-    assert (process.returncode, complaints) == (130, "ngcloth: interrupted\n")
-    assert "converged" not in printed and not (tmp_path / "out").exists()
+    assert process.returncode == 130
+    told, *warned = complaints.splitlines()
+    assert told == "ngcloth: interrupted" and len(warned) == 1 and "did not converge" in warned[0]
+    assert ": converged" not in printed
+    result = ngcloth.load(tmp_path / "result")
+    assert result.reason is ngcloth.Reason.INTERRUPTED and len(result.history) >= 1
+    assert str(result.reason) in (tmp_path / "pattern.svg").read_text(encoding="utf-8")
+
+
+def test_nobody_who_reads_is_no_reason_to_leave_out_files(tmp_path):
+    process = start(["-c", QUICKLY], "hemisphere", "--maxh", "0.4", "--out", str(tmp_path))
+    process.stdout.close()  # as after `| head`
+    assert process.stderr.read() == "" and process.wait(timeout=60) == 0
+    assert ngcloth.load(tmp_path / "result").converged and (tmp_path / "pattern.svg").exists()
+
+
+@pytest.mark.parametrize("streams", [">&-", "<&- >&- 2>&-", ">/dev/full"])
+def test_files_are_written_whatever_becomes_of_standard_output(tmp_path, streams):
+    options = ["hemisphere", "--maxh", "0.4", "--out", str(tmp_path)]
+    command = ["sh", "-c", f'exec "$@" {streams}', "sh", sys.executable, "-c", QUICKLY, *options]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert run.returncode == 0
+    told = "ngcloth: standard output: [Errno 28] No space left on device\n"
+    assert run.stderr == (told if "full" in streams else "")
+    assert ngcloth.load(tmp_path / "result").converged
+    ElementTree.parse(tmp_path / "pattern.svg")  # nothing that was printed went into it
+
+
+def test_version(capsys):
+    with pytest.raises(SystemExit) as end:
+        cli.main(["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"ngcloth {ngcloth.__version__}\n"

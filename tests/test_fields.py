@@ -7,12 +7,11 @@ import sys
 import ngsolve as ngs
 import numpy as np
 import pytest
+import pyvista as pv
+from vtkmodules.vtkCommonDataModel import vtkLagrangeTriangle
 
 import ngcloth
 from ngcloth import fields
-
-pv = pytest.importorskip("pyvista")
-from vtkmodules.vtkCommonDataModel import vtkLagrangeTriangle  # noqa: E402
 
 SCALARS = ["stretch1", "stretch2", "shear", "reaction", "jacobian"]
 
@@ -220,6 +219,15 @@ def test_thread_lines_follow_the_given_order(result):
         assert levels == sorted(levels) and np.diff(levels) == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize("size", [1e-3, 500])
+def test_the_default_pitch_suits_the_patch(tmp_path, size):
+    surface = ngcloth.Surface(lambda x, y: (x, y, 0 * x), ngcloth.Disk(size))
+    flat = ngcloth.solve(ngcloth.Scene(surface, ngcloth.Net(ks=1.0)), maxh=size)
+    file, _ = flat.export_threads(tmp_path / "threads.vtp")
+    weft = pv.read(file).cell_data["weft"]
+    assert 15 < (weft == 0).sum() < 30 and 15 < (weft == 1).sum() < 30
+
+
 @pytest.mark.parametrize("ending", [".stl", ".OBJ"])
 def test_surface_and_patch_are_closed_sheets(tmp_path, result, ending):
     files = fields.surface(result, tmp_path / f"sheet{ending}")
@@ -285,6 +293,7 @@ WRONG = [
     ("export_threads", "threads.vtp", 0),
     ("export_threads", "threads.vtp", "0.1"),
     ("export_threads", "threads.vtp", np.nan),
+    ("export_threads", "threads.vtp", 1e-3),
 ]
 
 

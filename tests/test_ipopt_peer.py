@@ -1,13 +1,12 @@
 """The peer of the report on run times: IPOPT has the same problem, and finds the same patch."""
 
+import casadi as ca
 import numpy as np
 import pytest
 from loading import load
 
 import ngcloth
 from ngcloth.errors import InputError
-
-ca = pytest.importorskip("casadi")
 
 SCENES = {
     "hemisphere": (ngcloth.scenes.hemisphere(1.0), 0.4),

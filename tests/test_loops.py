@@ -39,6 +39,15 @@ def test_callback_sees_each_step_and_stops(case):
     assert len({area for area, _ in seen}) == 3
 
 
+@pytest.mark.parametrize(
+    ("said", "stops"), [(np.True_, True), (np.False_, False), (np.ones(2), False)]
+)
+def test_what_a_callback_says_with_numpy(said, stops):
+    result = solve(hemisphere(), maxh=0.5, callback=lambda result: said)
+    assert (result.reason is Reason.CALLBACK) == stops
+    assert result.converged != stops
+
+
 def test_budget_of_seconds(case):
     scene, maxh = case
     result = solve(scene, maxh=maxh, max_seconds=1e-3)

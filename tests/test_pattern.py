@@ -4,19 +4,19 @@ import csv
 import dataclasses
 import inspect
 import pydoc
+import subprocess
 import sys
 import warnings
 
+import ezdxf
 import numpy as np
 import pytest
+import shapely
+import svgelements
 
 import ngcloth
 from ngcloth import Disk, InputError, Net, Rectangle, Scene, Surface
 from ngcloth.output.pattern import cut_pattern, pinning_marks
-
-ezdxf = pytest.importorskip("ezdxf")
-shapely = pytest.importorskip("shapely")
-svgelements = pytest.importorskip("svgelements")
 
 LAYERS = ["cut", "seam", "warp", "weft", "mark", "text"]
 
@@ -369,6 +369,7 @@ def test_what_did_not_converge_says_so(tmp_path):
         {"pitch": np.inf},
         {"seam": -5},
         {"marks": 2.5},
+        {"marks": 100_000},
         {"tolerance": 0},
         {"tolerance": 1e-14},
     ],
@@ -397,9 +398,34 @@ def test_help_tells_every_option(hemisphere, kind):
     assert "**options" not in told and "Returns" not in told
 
 
-@pytest.mark.parametrize("missing, kind", [("shapely", "svg"), ("ezdxf", "dxf")])
-def test_a_missing_extra_is_named(tmp_path, monkeypatch, hemisphere, missing, kind):
+@pytest.mark.parametrize(
+    ("missing", "kind", "options"), [("shapely", "svg", {"seam": 5}), ("ezdxf", "dxf", {})]
+)
+def test_a_missing_extra_is_named(tmp_path, monkeypatch, hemisphere, missing, kind, options):
     monkeypatch.setitem(sys.modules, missing, None)
     with pytest.raises(ImportError, match=r"'ngcloth\[cut\]', in a clone '\.\[cut\]'"):
-        export(hemisphere, tmp_path, kind)
+        export(hemisphere, tmp_path, kind, **options)
     assert not list(tmp_path.iterdir())
+
+
+def test_the_core_alone_gives_the_pattern(tmp_path):
+    """What setup.cfg requires, and what that requires, writes the SVG of the command line."""
+    code = """
+import sys
+for extra in ("shapely", "ezdxf", "scipy", "svgelements", "tqdm", "casadi", "playwright"):
+    sys.modules[extra] = None
+from ngcloth.__main__ import main
+sys.exit(main())
+"""
+    options = ["hemisphere", "--maxh", "0.4", "--quiet", "--out", str(tmp_path)]
+    run = subprocess.run([sys.executable, "-c", code, *options], capture_output=True, text=True)
+    assert run.returncode == 0
+    (left_out,) = run.stderr.splitlines()
+    assert left_out.startswith("ngcloth: pattern.dxf left out")
+    svg = Svg(tmp_path / "pattern.svg")
+    area = 100**2 * ngcloth.load(tmp_path / "result").area
+    assert only_polygon(svg, "cut").area == pytest.approx(area, rel=1e-4)
+    assert np.ptp(only_polygon(svg, "text").exterior.coords, axis=0) == pytest.approx(100, abs=1e-4)
+    threads = sum(np.linalg.norm(np.diff(curve, axis=0)) for curve in svg.curves("warp"))
+    assert 10 * threads == pytest.approx(area, rel=0.01)
+    assert svg.texts("mark") == [*map(str, range(1, 13)), "warp"]

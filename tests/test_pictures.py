@@ -1,14 +1,15 @@
 """Pictures are drawn, and show what they should; a plain import loads no plotting."""
 
+import os
 import subprocess
 import sys
 
+import matplotlib
 import numpy as np
 import pytest
 
 import ngcloth
 
-matplotlib = pytest.importorskip("matplotlib")
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 
@@ -97,17 +98,23 @@ def test_what_cannot_be_drawn_is_refused(ax, hemisphere, wrong):
         plot.patch(ax, hemisphere, **wrong)
 
 
+def test_pictures_in_space_leave_the_environment_as_it_was(tmp_path, hemisphere, monkeypatch):
+    from ngcloth import view
+
+    monkeypatch.delenv("DISPLAY", raising=False)
+    before = dict(os.environ)
+    view.cloth(hemisphere, rings=30, screenshot=tmp_path / "cloth.png", size=(60, 40))
+    with pytest.raises(ngcloth.InputError, match="pitch"):
+        view.cloth(hemisphere, rings=30, pitch=1e-9)
+    assert dict(os.environ) == before
+
+
 @pytest.mark.parametrize("field", [None, "shear"])
 def test_cloth_is_pictured(tmp_path, hemisphere, field):
     from ngcloth import view
 
     path = tmp_path / "cloth.png"
-    try:
-        view.cloth(hemisphere, field=field, pitch=0.5, rings=30, screenshot=path, size=(300, 200))
-    except RuntimeError as error:
-        if "no display" not in str(error):
-            raise
-        pytest.skip(str(error))
+    view.cloth(hemisphere, field=field, pitch=0.5, rings=30, screenshot=path, size=(300, 200))
     picture = plt.imread(path)[..., :3]
     assert picture.shape[:2] == (200, 300)
     drawn = (picture < 0.99).any(axis=-1)

@@ -12,8 +12,6 @@ from ngcloth import __main__ as cli
 from ngcloth.output.progress import ProgressBar
 from ngcloth.scenes import hemisphere
 
-pytest.importorskip("tqdm")
-
 
 class Terminal(io.StringIO):
     def isatty(self):

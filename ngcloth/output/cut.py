@@ -2,11 +2,13 @@
 
 import csv
 import inspect
+import io
 from html.entities import codepoint2name
 from xml.etree import ElementTree
 
 import numpy as np
 
+from .files import checked_file, write_file
 from .pattern import Curve, cut_pattern, require
 
 # Colour (red, green, blue), its number among the colours of AutoCAD, line width in mm.
@@ -45,7 +47,7 @@ def export_svg(result, path, *, marks_csv=None, **options):
     """Write the cut pattern at true scale as SVG, one user unit being one mm.
 
     The layers are "cut", "seam", "warp", "weft", "mark" and "text"; each is a group with this id,
-    and a layer of Inkscape. Needs the extra ``cut``.
+    and a layer of Inkscape. Seam allowances need the extra ``cut``.
 
     Parameters
     ----------
@@ -58,6 +60,7 @@ def export_svg(result, path, *, marks_csv=None, **options):
     **options
         As for `ngcloth.output.pattern.cut_pattern`.
     """
+    file, table = _checked(path, marks_csv)
     pattern = cut_pattern(result, **options)
     ElementTree.register_namespace("", "http://www.w3.org/2000/svg")
     ElementTree.register_namespace("inkscape", INKSCAPE)
@@ -79,9 +82,9 @@ def export_svg(result, path, *, marks_csv=None, **options):
         for item in items:
             _add_to_svg(layer, item, np.array([left, top]))
     ElementTree.indent(root)
-    ElementTree.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
-    if marks_csv is not None:
-        write_marks(marks_csv, pattern.marks)
+    write_file(file, ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
+    if table:
+        write_marks(table, pattern.marks)
 
 
 @_with_pattern_options
@@ -102,6 +105,7 @@ def export_dxf(result, path, *, marks_csv=None, **options):
     **options
         As for `ngcloth.output.pattern.cut_pattern`.
     """
+    file, table = _checked(path, marks_csv)
     ezdxf = require("ezdxf")
     pattern = cut_pattern(result, **options)
     # The last version whose encoding is the one its header names: not all readers know that later
@@ -119,22 +123,29 @@ def export_dxf(result, path, *, marks_csv=None, **options):
             _add_to_dxf(space, item, name)
     low, high = pattern.box
     document.set_modelspace_vport(height=high[1] - low[1], center=tuple((low + high) / 2))
-    document.saveas(path)
-    if marks_csv is not None:
-        write_marks(marks_csv, pattern.marks)
+    text = io.StringIO()
+    document.write(text)
+    write_file(file, document.encode(text.getvalue()))
+    if table:
+        write_marks(table, pattern.marks)
 
 
 def write_marks(path, marks):
     """Write pinning marks as CSV: number, flat position, θ, position in space, one row each."""
-    with open(path, "w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file)
+    text = io.StringIO(newline="")
+    rows = csv.writer(text)
+    rows.writerow(["mark", "X1 [mm]", "X2 [mm]", "theta1", "theta2", "x [mm]", "y [mm]", "z [mm]"])
+    for number, flat, theta, space in zip(*marks, strict=True):
         rows.writerow(
-            ["mark", "X1 [mm]", "X2 [mm]", "theta1", "theta2", "x [mm]", "y [mm]", "z [mm]"]
+            [number, *(f"{v:.4f}" for v in flat), *theta.tolist(), *(f"{v:.4f}" for v in space)]
         )
-        for number, flat, theta, space in zip(*marks, strict=True):
-            rows.writerow(
-                [number, *(f"{v:.4f}" for v in flat), *theta.tolist(), *(f"{v:.4f}" for v in space)]
-            )
+    write_file(path, text.getvalue().encode())
+
+
+def _checked(path, marks_csv):
+    """The paths of the pattern and of its table, which may be None."""
+    table = None if marks_csv is None else checked_file(marks_csv, argument="marks_csv")
+    return checked_file(path), table
 
 
 def _svg_layer(root, name):

@@ -1,13 +1,14 @@
 """Files of a `Result` for other programs: fields for ParaView, threads, surfaces, fibres."""
 
-from pathlib import Path
+import io
 
 import ngsolve as ngs
 import numpy as np
 
-from ..errors import InputError, check_number
+from ..errors import check_number
 from ..problem.kinematics import Kinematics, gradient
-from .plot import sample, thread_levels
+from .files import checked_file, write_file
+from .plot import default_pitch, sample, thread_levels
 
 # A limit counts as active where its slack is below this share of its greatest value. The barrier
 # keeps slacks off zero: at 1 % the belts in which limits are active fall to pieces, at 5 % not.
@@ -33,7 +34,9 @@ def vtu(result, path):
     Raises
     ------
     InputError
-        If the path has another ending, or its folder does not exist.
+        If the path has another ending or names a folder, or its folder does not exist.
+    OSError
+        If a file cannot be written, which leaves that file as it was.
 
     Notes
     -----
@@ -66,11 +69,11 @@ def vtu(result, path):
             grid.point_data[name] = values.reshape(n * m, *values.shape[2:])
         grid.cell_data["element"] = np.arange(n)
         grid.field_data["converged"] = [int(result.converged)]
-        grid.save(file)
+        write_file(file, _xml(grid))
     return files
 
 
-def threads(result, path, pitch):
+def threads(result, path, pitch=None):
     """Write threads as polylines of a VTK file: on the surface, and flat.
 
     Parameters
@@ -79,9 +82,10 @@ def threads(result, path, pitch):
         Solved or loaded.
     path : path
         Ends in ".vtp"; the flat threads go beside it, "threads.vtp" and "threads_flat.vtp".
-    pitch : float
-        Distance between neighbours on the flat patch, in units of length. Warp threads are the
-        lines X2 = const, weft threads X1 = const, at the multiples of `pitch`.
+    pitch : float, optional
+        Distance between neighbours on the flat patch, in units of length, at least a thousandth
+        of the patch; by default about a twentieth of its width. Warp threads are the lines
+        X2 = const, weft threads X1 = const, at the multiples of `pitch`.
 
     Returns
     -------
@@ -91,8 +95,10 @@ def threads(result, path, pitch):
     Raises
     ------
     InputError
-        If the path has another ending, or its folder does not exist; if the pitch is not a
-        length > 0 that has threads on the patch.
+        If the path has another ending or names a folder, or its folder does not exist; if the
+        pitch is not a length > 0 that has threads on the patch, or has too many.
+    OSError
+        If a file cannot be written, which leaves that file as it was.
 
     Notes
     -----
@@ -104,6 +110,8 @@ def threads(result, path, pitch):
     import pyvista as pv
 
     files = _files(path, ".vtp")
+    if pitch is None:
+        pitch = default_pitch(result.outline())
     check_number("pitch", pitch, 0, open_low=True)
     lines = thread_lines(result, pitch)
     theta = np.concatenate([line for _, _, line in lines])
@@ -120,7 +128,7 @@ def threads(result, path, pitch):
         mesh.cell_data["weft"] = np.array([family for family, _, _ in lines])
         mesh.cell_data["level"] = np.array([level for _, level, _ in lines])
         mesh.point_data.update(places)
-        mesh.save(file)
+        write_file(file, _xml(mesh))
     return files
 
 
@@ -142,7 +150,9 @@ def surface(result, path):
     Raises
     ------
     InputError
-        If the path has another ending, or its folder does not exist.
+        If the path has another ending or names a folder, or its folder does not exist.
+    OSError
+        If a file cannot be written, which leaves that file as it was.
 
     Notes
     -----
@@ -154,17 +164,14 @@ def surface(result, path):
     Where `Surface.side` is -1, as on a sphere, the patch is drawn from its inner face: seen from
     outside, UV are left-handed, and writing in a texture would be mirrored.
     """
-    import pyvista as pv
-
     files = _files(path, ".stl", ".obj")
+    written = _stl if files[0].suffix.lower() == ".stl" else _obj
     target = result.scene.surface
     theta, triangles = sample(result, RINGS)
     psi = result.psi(*theta.T)
     places = (target.evaluate(target.position, theta), _in_space(psi))
     for file, points, side in zip(files, places, (target.side, 1), strict=True):
-        mesh = pv.PolyData.from_regular_faces(points, triangles[:, ::side])
-        mesh.active_texture_coordinates = psi
-        mesh.save(file)
+        write_file(file, written(points, triangles[:, ::side], psi))
     return files
 
 
@@ -185,7 +192,9 @@ def fibres(result, path):
     Raises
     ------
     InputError
-        If the path has another ending, or its folder does not exist.
+        If the path has another ending or names a folder, or its folder does not exist.
+    OSError
+        If a file cannot be written, which leaves that file as it was.
 
     Notes
     -----
@@ -193,12 +202,14 @@ def fibres(result, path):
     point x, y, z of the surface at its centroid (units of length), and there the unit vectors
     along warp and weft, both stretches, and the angle between the threads in degrees.
     """
-    file, _ = _files(path, ".csv")
+    file = checked_file(path, ".csv")
     fields = {name: v[:, 0] for name, v in element_fields(result, [(1 / 3, 1 / 3)]).items()}
     columns = ["position", "warp", "weft", "stretch1", "stretch2", "angle"]
     rows = np.column_stack([np.arange(len(fields["angle"])), *(fields[c] for c in columns)])
     header = "element,x,y,z,warp_x,warp_y,warp_z,weft_x,weft_y,weft_z,stretch1,stretch2,angle_deg"
-    np.savetxt(file, rows, ["%d"] + ["%.12g"] * 12, ",", header=header, comments="")
+    table = io.StringIO()
+    np.savetxt(table, rows, ["%d"] + ["%.12g"] * 12, ",", header=header, comments="")
+    write_file(file, table.getvalue().encode())
     return file
 
 
@@ -349,12 +360,37 @@ def _in_space(flat):
 
 def _files(path, *endings):
     """The checked path, and its sibling for the flat patch."""
-    try:
-        path = Path(path)
-    except TypeError:
-        raise InputError("path", path, "a path") from None
-    if path.suffix.lower() not in endings:
-        raise InputError("path", str(path), "a file name that ends in " + " or ".join(endings))
-    if not path.parent.is_dir():
-        raise InputError("path", str(path), "a file in a folder that exists")
-    return path, path.with_stem(path.stem + "_flat")
+    path = checked_file(path, *endings)
+    return path, checked_file(path.with_stem(path.stem + "_flat"))
+
+
+def _xml(mesh):
+    """What VTK's writer makes of a mesh. Left to write files, it is silent about a full disk."""
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
+
+    polygonal = mesh.IsA("vtkPolyData")
+    writer = vtkXMLPolyDataWriter() if polygonal else vtkXMLUnstructuredGridWriter()
+    writer.SetInputData(mesh)
+    writer.WriteToOutputStringOn()
+    writer.Write()
+    return writer.GetOutputString().encode()
+
+
+def _stl(points, triangles, _):
+    """Triangles as binary STL."""
+    corners = points[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    record = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
+    facets = np.zeros(len(corners), record)
+    facets["normal"] = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    facets["corners"] = corners
+    return b"ngcloth".ljust(80) + np.uint32(len(facets)).tobytes() + facets.tobytes()
+
+
+def _obj(points, triangles, uv):
+    """Triangles as OBJ, with texture coordinates."""
+    text = io.StringIO()
+    np.savetxt(text, points, "v %.9g %.9g %.9g")
+    np.savetxt(text, uv, "vt %.9g %.9g")
+    np.savetxt(text, np.repeat(triangles + 1, 2, axis=1), "f %d/%d %d/%d %d/%d")
+    return text.getvalue().encode()

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError, check_integer, check_number
+from .planar import Room, chords, crossing
 from .plot import thread_levels
 
 LATTICE = 2**20  # points of the rim between which the outline is refined
@@ -20,6 +21,7 @@ FIRST = 256  # chords of the outline before refinement
 MOST = 5000  # chords to be halved at once
 CORNER = np.radians(5)  # a rim that turns by more between two points of the lattice has a corner
 NARROW = 2.0  # mm: cloth less wide than this frays
+MOST_MARKS = 1000
 AREA_ERROR = 2e-5  # what the default tolerance may change of the area
 SQUARE, GAP, TEXT, TICK = 100.0, 10.0, 5.0, 4.0  # mm
 
@@ -108,7 +110,7 @@ def cut_pattern(result, *, unit_mm=100.0, pitch=10.0, seam=0.0, marks=12, tolera
         Seam allowance in mm: the cut is the outline, offset by it with round corners, and the
         outline itself is in the layer "seam". Default 0: the cut is the outline.
     marks : int, optional
-        Number of pinning marks along the rim, see `pinning_marks`. Default 12.
+        Number of pinning marks along the rim, at most 1000, see `pinning_marks`. Default 12.
     tolerance : float, optional
         How far in mm the polylines may be from the rim of the patch and from its offset. By
         default 0.01, or less where the area would change by more than 2e-5 of itself.
@@ -126,16 +128,18 @@ def cut_pattern(result, *, unit_mm=100.0, pitch=10.0, seam=0.0, marks=12, tolera
     ------
     InputError
         If an argument is out of bounds; before any file is written.
+    OSError
+        If a file cannot be written, which leaves that file as it was.
     ImportError
-        If a package of the extra ``cut`` is missing.
+        If there is a seam allowance, and the extra ``cut`` is missing.
     """
     check_number("unit_mm", unit_mm, 0, open_low=True)
     check_number("pitch", pitch, 0, open_low=True)
     check_number("seam", seam, 0)
-    check_integer("marks", marks, 0)
+    if check_integer("marks", marks, 0) > MOST_MARKS:
+        raise InputError("marks", marks, f"an integer, 0 to {MOST_MARKS}")
     if tolerance is not None:
         check_number("tolerance", tolerance, 0, open_low=True)
-    shapely = require("shapely")
 
     coarse = unit_mm * result.outline(400)
     if pitch < 1e-3 * np.ptp(coarse, axis=0).max():
@@ -144,21 +148,21 @@ def cut_pattern(result, *, unit_mm=100.0, pitch=10.0, seam=0.0, marks=12, tolera
         length = np.linalg.norm(coarse - np.roll(coarse, 1, axis=0), axis=1).sum()
         tolerance = min(0.01, AREA_ERROR * unit_mm**2 * result.area / length)
     outline = refined_outline(result, unit_mm, tolerance)
-    region = shapely.make_valid(shapely.Polygon(outline), method="structure")
-    _warn(result, outline, region)
+    room = Room(outline, NARROW / 4)
+    _warn(result, outline, room)
 
     pins = pinning_marks(result, marks, unit_mm)
     edge = Curve(outline, closed=True)
-    cut = _offset(region, seam, tolerance) if seam else [edge]
+    cut = _offset(outline, seam, tolerance) if seam else [edge]
     low = np.min([curve.points.min(axis=0) for curve in cut], axis=0)
     title = f"{result.scene.name} (1 unit of surface length = {unit_mm:g} mm)"
     layers = {
         "cut": cut,
         "seam": [edge] if seam else [],
-        "warp": _threads(region, outline, pitch, axis=0),
-        "weft": _threads(region, outline, pitch, axis=1),
-        "mark": _mark_items(pins.flat, outline, region) + _grain_arrow(region, pitch),
-        "text": _beside(low, _label(result, region, unit_mm, pitch, seam)),
+        "warp": _threads(outline, pitch, axis=0),
+        "weft": _threads(outline, pitch, axis=1),
+        "mark": _mark_items(pins.flat, outline, room) + _grain_arrow(room, pitch),
+        "text": _beside(low, _label(result, outline, unit_mm, pitch, seam)),
     }
     return Pattern(title, outline, layers, pins)
 
@@ -246,7 +250,8 @@ def require(module):
     try:
         return import_module(module)
     except ImportError as error:
-        message = f"cut patterns need {module}: pip install 'ngcloth[cut]', in a clone '.[cut]'"
+        extra = "pip install 'ngcloth[cut]', in a clone '.[cut]'"
+        message = f"DXF and seam allowances need {module}: {extra}"
         raise ImportError(message, name=module) from error
 
 
@@ -266,65 +271,44 @@ def _distance(point, start, end):
     return np.linalg.norm(point - start - share[:, None] * along, axis=1)
 
 
-def _warn(result, outline, region):
+def _warn(result, outline, room):
     """Say what is wrong with the patch, to the caller of an export."""
-    shapely = require("shapely")
     flaws = []
     if not result.converged:
         flaws.append(f"this is the pattern of a solve that did not converge: {result.reason}")
     # As J > 0, the patch is free of overlap if and only if its outline is.
-    if not shapely.LinearRing(outline).is_simple:
+    if crossing(outline):
         flaws.append("the patch overlaps itself: it cannot be cut from one piece of cloth")
-    core = region.buffer(-NARROW / 2)
-    opened = core.buffer(NARROW / 2)
-    shapely.prepare(opened)
-    # Opening also rounds every tip; only what sticks out by far counts, tips below 23 degrees.
-    stick_out = ~shapely.dwithin(opened, shapely.points(outline), 2 * NARROW)
-    if core.geom_type != "Polygon" or core.is_empty or stick_out.any():
-        lost = max(shapely.get_parts(region.difference(opened)), key=lambda part: part.area)
-        place = lost.representative_point()
-        where = f"for instance at ({place.x:.1f}, {place.y:.1f}) mm"
+    elif (place := room.narrowest(NARROW)) is not None:
+        where = f"for instance at ({place[0]:.1f}, {place[1]:.1f}) mm"
         flaws.append(f"the patch has parts narrower than {NARROW:g} mm, {where}")
     for flaw in flaws:
         warnings.warn(flaw, UserWarning, stacklevel=4)
 
 
-def _offset(region, distance, tolerance):
-    """The parallel curves of a region, all of them closed: an outline and perhaps holes."""
+def _offset(outline, distance, tolerance):
+    """The parallel curves of an outline, all of them closed: an outline and perhaps holes."""
     shapely = require("shapely")
+    region = shapely.make_valid(shapely.Polygon(outline), method="structure")
     arc = 2 * np.arccos(1 - min(tolerance / distance, 0.1))
     wider = region.buffer(distance, quad_segs=int(np.ceil(np.pi / 2 / arc)))
     rings = [ring for part in shapely.get_parts(wider) for ring in (part.exterior, *part.interiors)]
     return [Curve(np.array(ring.coords)[:-1], closed=True) for ring in rings]
 
 
-def _threads(region, outline, pitch, axis):
-    """Threads along `axis`, at the multiples of `pitch`, within the region."""
-    shapely = require("shapely")
-    low, high = outline[:, axis].min(), outline[:, axis].max()
+def _threads(outline, pitch, axis):
+    """Threads along `axis`, at the multiples of `pitch`, within the outline."""
     levels = thread_levels(outline[:, 1 - axis], pitch)
-    ends = np.empty((len(levels), 2, 2))
-    ends[:, 0, axis], ends[:, 1, axis] = low - 1, high + 1
-    ends[:, :, 1 - axis] = levels[:, None]
-    pieces = shapely.get_parts(shapely.intersection(shapely.linestrings(ends), region))
-    return [
-        Curve(np.array(piece.coords)[[0, -1]])
-        for piece in pieces
-        if piece.geom_type == "LineString"  # a point, where a thread touches the rim
-    ]
+    return [Curve(chord) for chord in chords(outline, levels, axis)]
 
 
-def _mark_items(flat, outline, region):
+def _mark_items(flat, outline, room):
     """For each mark a tick from the outline inwards, and its number where there is room for it."""
-    shapely = require("shapely")
     length = np.linalg.norm(outline - np.roll(outline, 1, axis=0), axis=1).sum()
     size = min(TICK, length / max(len(flat), 1) / 4)
-    room = region.buffer(-1.8 * size)
-    if room.is_empty:
-        room = region.representative_point()
     items = []
     for number, point in enumerate(flat, start=1):
-        middle = np.array(shapely.shortest_line(shapely.Point(point), room).coords[1])
+        middle = room.nearest(point, 1.8 * size)
         distance = np.linalg.norm(middle - point)  # 0 where another part overlaps the rim
         tick = point + (middle - point) * min(1, size / max(distance, 1e-12))
         items.append(Curve(np.stack([point, tick])))
@@ -332,11 +316,10 @@ def _mark_items(flat, outline, region):
     return items
 
 
-def _grain_arrow(region, pitch):
+def _grain_arrow(room, pitch):
     """The double arrow along the warp, in the widest place of the cloth, between two threads."""
-    shapely = require("shapely")
-    circle = shapely.maximum_inscribed_circle(region, tolerance=0.01 * region.length)
-    (x, y), radius = circle.coords[0], circle.length
+    widest = np.argmax(room.radii)
+    (x, y), radius = room.centres[widest], room.radii[widest]
     between = (np.floor(y / pitch) + 0.5) * pitch
     y = between if abs(between - y) < radius / 4 else y
     half, head, size = radius / 2, radius / 15, radius / 25
@@ -348,20 +331,20 @@ def _grain_arrow(region, pitch):
     return [*items, Text("warp", np.array([x, y + 0.6 * size]), size, centred=True)]
 
 
-def _label(result, region, unit_mm, pitch, seam):
+def _label(result, outline, unit_mm, pitch, seam):
     """What the sheet says of itself, line by line."""
     scene = result.scene
     fabric = str(scene.fabric)
     if " object at 0x" in fabric:
         fabric = type(scene.fabric).__name__
-    low1, low2, high1, high2 = region.bounds
+    width, height = np.ptp(outline, axis=0)
     area = unit_mm**2 * result.area / 100
     face = "looks away from" if scene.surface.side == 1 else "lies against"  # E1 × E2 is upwards
     lines = [
         scene.name,
         f"fabric: {fabric}",
         f"scale: 1 unit of surface length = {unit_mm:g} mm; this square is {SQUARE:g} mm wide",
-        f"patch: {high1 - low1:.1f} × {high2 - low2:.1f} mm, {area:.1f} cm²",
+        f"patch: {width:.1f} × {height:.1f} mm, {area:.1f} cm²",
         f"seam allowance: {seam:g} mm" if seam else "no seam allowance",
         f"warp along the arrow; threads drawn every {pitch:g} mm",
         f"drawn from the face of the cloth that {face} the surface",

@@ -13,6 +13,7 @@ LABELS = {
     "jacobian": r"patch area element $J$",
 }
 WARP, WEFT = "tab:blue", "tab:orange"
+MOST_THREADS = 1000  # of a family
 THREADS = 21  # of each family, about, by default; an odd number keeps them off the tips
 PLACES = ("patch", "domain", "history")
 
@@ -270,6 +271,8 @@ def thread_levels(position, pitch):
     if not pitch > 0:
         raise InputError("pitch", pitch, "a length > 0")
     low, high = position.min(), position.max()
+    if high - low > MOST_THREADS * pitch:
+        raise InputError("pitch", pitch, f"a length, at least the patch / {MOST_THREADS}")
     multiples = np.arange(np.ceil(low / pitch), np.floor(high / pitch) + 1) * pitch
     slack = 1e-6 * (high - low)
     multiples = multiples[(multiples > low + slack) & (multiples < high - slack)]

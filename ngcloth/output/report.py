@@ -11,7 +11,7 @@ from urllib.parse import quote
 import numpy as np
 
 from ..errors import InputError
-from .fields import _files
+from .files import checked_file, write_file
 from .plot import (
     LABELS,
     central_frame,
@@ -48,15 +48,17 @@ def report(result, path, files=()):
     Raises
     ------
     InputError
-        If the path has another ending or its folder does not exist, or a file to link to is not
-        there; before anything is computed.
+        If the path has another ending or names a folder, its folder does not exist, or a file to
+        link to is not there; before anything is computed.
+    OSError
+        If the page cannot be written, which leaves a former one as it was.
 
     Notes
     -----
     The page loads nothing: figures are PNG within it, the cloth is drawn by a script of its own.
     The domain has to be star-shaped about its centre, see `ngcloth.plot.sample`.
     """
-    page, _ = _files(path, ".html")
+    page = checked_file(path, ".html")
     links = _links(page.parent, files)
     fields = ["stretch1", "stretch2", "shear"]
     if not result.scene.inextensible:
@@ -77,7 +79,7 @@ def report(result, path, files=()):
         links=links,
         cloth=json.dumps(_cloth(result, fields), separators=(",", ":"), allow_nan=False),
     )
-    page.write_text(text, encoding="utf-8")
+    write_file(page, text.encode())
     return page
 
 

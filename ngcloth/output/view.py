@@ -1,13 +1,16 @@
 """Pictures in space of a `Result` with PyVista: the cloth on its surface, thread by thread."""
 
+import io
 import os
 import sys
+from contextlib import contextmanager
 from ctypes.util import find_library
 
 import numpy as np
 import pyvista as pv
 from matplotlib import get_data_path
 
+from .files import checked_file, write_file
 from .plot import (
     LABELS,
     WARP,
@@ -24,6 +27,7 @@ from .plot import (
 
 MATT = {"smooth_shading": True, "ambient": 0.45, "diffuse": 0.55}
 FONT_FILE = 4  # VTK's number of a font family read from a file
+PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 BAR_SHARE = 0.2  # of the width of a picture, on the right
 
 
@@ -50,7 +54,7 @@ def cloth(
         Distance between the threads drawn, in units of length; by default about a twentieth of
         the width of the patch. Warp threads are the lines X2 = const, weft threads X1 = const.
     screenshot : path, optional
-        Where to save the picture. Needs no display.
+        Where to save the picture; the ending says how, PNG if there is none. Needs no display.
     azimuth, elevation : float, optional
         Where to look from, in degrees: `elevation` above the plane tangent to the surface at
         the centre of the domain, on the side of the cloth; `azimuth` about its normal, which
@@ -69,17 +73,20 @@ def cloth(
     Raises
     ------
     InputError
-        If there is no such field, or no thread at that pitch.
+        If there is no such field, no thread or too many at that pitch, or no such picture.
+    OSError
+        If the picture cannot be written, which leaves a former one as it was.
     RuntimeError
         If this machine has neither a display nor a library to draw without one.
     """
     if field is not None:
         check_field(field)
-    off_screen = screenshot is not None or _no_display()
-    if off_screen:
-        _choose_window()
+    if screenshot is not None:
+        screenshot = _checked_picture(screenshot)
     mesh = _sampled_surface(result, rings)
-    plotter = pv.Plotter(off_screen=off_screen, window_size=list(size))
+    off_screen = screenshot is not None or _no_display()
+    with _window(off_screen):
+        plotter = pv.Plotter(off_screen=off_screen, window_size=list(size))
     plotter.set_background("white")
     if field is None:
         plotter.add_mesh(mesh, color="gainsboro", **MATT)
@@ -98,22 +105,49 @@ def cloth(
     frame = central_frame(result.scene.surface)
     _look(plotter, mesh, frame, azimuth, elevation, BAR_SHARE if field else 0.0)
     if screenshot is not None:
-        plotter.screenshot(str(screenshot))
+        picture = _picture(plotter, screenshot.suffix.lower())
         plotter.close()
+        write_file(screenshot, picture)
     return plotter
+
+
+def _checked_picture(path):
+    path = checked_file(path)
+    return checked_file(path if path.suffix else path.with_suffix(".png"), *PICTURES)
+
+
+def _picture(plotter, ending):
+    from PIL import Image
+
+    picture = io.BytesIO()
+    Image.fromarray(plotter.screenshot(return_img=True)).save(
+        picture, Image.registered_extensions()[ending]
+    )
+    return picture.getvalue()
 
 
 def _no_display():
     return sys.platform == "linux" and not os.environ.get("DISPLAY")
 
 
-def _choose_window():
-    """Have VTK draw by EGL where there is no display: left alone it complains, or crashes."""
-    if not _no_display():
-        return
-    if find_library("EGL"):
-        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
-    elif not find_library("OSMesa"):
+@contextmanager
+def _window(off_screen):
+    """Have VTK make its window by EGL if there is no display: left alone it complains or crashes.
+
+    VTK reads the environment as it makes a window; afterwards that is as it was.
+    """
+    name = "VTK_DEFAULT_OPENGL_WINDOW"
+    if not (off_screen and _no_display()) or name in os.environ:
+        yield
+    elif find_library("EGL"):
+        os.environ[name] = "vtkEGLRenderWindow"
+        try:
+            yield
+        finally:
+            del os.environ[name]
+    elif find_library("OSMesa"):
+        yield
+    else:
         raise RuntimeError("no display, and neither libEGL nor libOSMesa to draw without one")
 
 

@@ -11,9 +11,10 @@ SMALLEST, LARGEST, LONGEST = 1e-5, 1e6, 1e4
 
 
 class Domain:
-    """A connected piece of the parameter plane that is mirror symmetric about its centre lines.
+    """A piece of the parameter plane without holes, mirror symmetric about its centre lines.
 
-    A domain of one's own supplies `box`, `contains`, `rim` and `_shape`, as the two below do.
+    A domain of one's own supplies `box`, `contains`, `rim` and `_shape`, as the two below do. Its
+    face is one, with one closed rim; a `Surface` refuses any other.
     """
 
     @property
@@ -32,6 +33,13 @@ class Domain:
         grid = np.stack(np.meshgrid(*(np.linspace(*side, n) for side in self.box)), axis=-1)
         grid = grid.reshape(-1, 2)
         return np.concatenate([grid[self.contains(grid)], self.rim(4 * n)])
+
+    def check_face(self):
+        """Raise `InputError` unless the face to be meshed is one, and has no holes."""
+        shape = self._shape()
+        if len(shape.faces) != 1 or len(shape.wires) != 1:
+            found = f"there are {len(shape.faces)}, with {len(shape.wires)} closed rims"
+            raise InputError("domain", self, f"one connected piece without holes; {found}")
 
     def face(self, symmetric=False):
         """The OpenCascade face to be meshed, its edges named "rim", "mirror1" or "mirror2".

@@ -92,6 +92,8 @@ class Scene:
             raise InputError("cost", self.cost, "a callable of a Kinematics, or None")
         if not isinstance(self.symmetric, bool):
             raise InputError("symmetric", self.symmetric, "True or False")
+        if not (isinstance(self.name, str) and self.name.isprintable()):
+            raise InputError("name", self.name, "a text of one line, without control characters")
         self._check_energy()
         check_number("tie_break", self.tie_break, 0, 1)
         if self.tie_break and self.in_equilibrium:

@@ -37,13 +37,14 @@ class Surface:
     Raises
     ------
     InputError
-        If the chart has not three components, or its metric is singular or not finite somewhere
-        on the domain.
+        If the domain has holes or several pieces, the chart has not three components, or its
+        metric is singular or not finite somewhere on the domain.
     """
 
     def __init__(self, chart, domain, side=1):
         if not isinstance(domain, Domain):
             raise InputError("domain", domain, "a Disk, a Rectangle or another Domain")
+        domain.check_face()
         if isinstance(side, bool) or not isinstance(side, numbers.Integral) or abs(side) != 1:
             raise InputError("side", side, "1 or -1, the side of ∂1φ × ∂2φ on which the cloth lies")
         if not callable(chart):

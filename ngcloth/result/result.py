@@ -206,7 +206,7 @@ class Result:
 
         return vtu(self, path)
 
-    def export_threads(self, path, pitch):
+    def export_threads(self, path, pitch=None):
         """Write the threads `pitch` apart as polylines (.vtp), see `ngcloth.fields.threads`."""
         from ..output.fields import threads
 
@@ -226,10 +226,13 @@ class Result:
 
     def __str__(self):
         low, high = self.extrema["stretch1"]
+        shear = max(map(abs, self.extrema["shear"]))
+        angle = np.degrees(np.arccos(min(shear, 1)))
         return (
             f"{self.scene.name}: {self.reason}\n"
             f"  E/(2π kc) = {self.normalized_energy:.6e}, patch area {self.area:.6f}\n"
-            f"  λ1 in [{low:.6f}, {high:.6f}], |γ| up to {self.extrema['shear'][1]:.6f}\n"
+            f"  λ1 in [{low:.6f}, {high:.6f}], "
+            f"|γ| up to {shear:.6f}, threads at {angle:.1f}° or more\n"
             f"  {self.newton_iterations} Newton steps, {self.seconds:.2f} s"
         )
 

@@ -49,7 +49,9 @@ def save(result, folder):
     Raises
     ------
     InputError
-        If `folder` is something else, or cannot be written.
+        If `folder` is something else, or cannot be made.
+    OSError
+        If a file in it cannot be written, for instance as the disk is full; it names the folder.
     """
     target = checked_path(folder)
     if target.exists():
@@ -69,6 +71,8 @@ def save(result, folder):
         # Between these two lines `load` falls back on `previous`.
         os.rename(new, target)
         shutil.rmtree(previous, ignore_errors=True)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(folder)) from error
     finally:
         shutil.rmtree(new, ignore_errors=True)
 

@@ -178,12 +178,16 @@ def solve(
             settings=problem.settings,
         )
 
+    def asks_to_stop():
+        said = callback(outcome(Reason.RUNNING))
+        return isinstance(said, bool | np.bool_) and bool(said)
+
     recorder = Recorder(
         scene.copies / scene.normalisation * scene.fabric.stiffness,
         max_steps,
         log,
         max_seconds,
-        callback and (lambda: callback(outcome(Reason.RUNNING)) is True),
+        callback and asks_to_stop,
         checkpoint,
     )
     whole = _discretised(scene, settings)

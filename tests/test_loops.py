@@ -84,7 +84,7 @@ def test_lengths_and_active_limits(schedule):
     result = solve(scene, schedule=schedule, log=lines.append, **settings)
     rows, settings = result.history, result.settings
     assert result.converged and all(0 < row.length <= 1 for row in rows)
-    assert min(row.length for row in rows) < 1 == max(row.length for row in rows)
+    assert min(row.length for row in rows) < 0.9 < max(row.length for row in rows) <= 1
     names = ("order", "quadrature", "inverse", "multiplier_order")
     arguments = (settings[name] for name in names)
     problem = ClosedFormLagrangian(scene, result.state.space.mesh, *arguments)

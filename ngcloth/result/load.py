@@ -305,24 +305,18 @@ def _history(data):
 
 def _check_against_psi(result, summary):
     """Refuse numbers, and a "converged", that ψ contradicts."""
-    scene, settings, history = result.scene, result.settings, result.history
-    mesh, (psi1, psi2) = result.state.space.mesh, result.state.components[:2]
-    surface, fabric = scene.surface, scene.fabric
-    cloth = Kinematics(gradient(psi1, psi2), surface.metric, fabric, lambda: surface.curvature)
-    rule = ngs.IntegrationRule(ngs.TRIG, 2 * ((settings["quadrature"] + 1) // 2))
-    cost = fabric.energy(cloth.I4, cloth.I6, cloth.I8) if scene.cost is None else scene.cost(cloth)
-    integral = ngs.dx(intrules={ngs.ET.TRIG: rule})
-    cost = ngs.Integrate(cloth.jacobian * cost / fabric.stiffness * integral, mesh)
+    scene, mesh, history = result.scene, result.state.space.mesh, result.history
+    cloth, rule, cost = _cloth(result), _rule(result), _cost_of(result)
 
     def same(value, found):
-        scale = ROUNDING * abs(found) + NO_STRAIN * result.area * fabric.stiffness
+        scale = ROUNDING * abs(found) + NO_STRAIN * result.area * scene.fabric.stiffness
         return isfinite(found) and abs(value - found) <= scale
 
     told = {name: summary[name] for name in ("energy", "area", "converged") if name in summary}
     pairs = {name: (value, getattr(result, name)) for name, value in told.items()}
     pairs |= {"cost": (result.cost, cost)}
     if result.converged and history:
-        unit = scene.copies * fabric.stiffness / scene.normalisation
+        unit = scene.copies * scene.fabric.stiffness / scene.normalisation
         pairs["energy of the last row"] = history[-1].energy, unit * cost
     differing = [name for name, pair in pairs.items() if not same(*pair)]
     if differing:
@@ -336,3 +330,25 @@ def _check_against_psi(result, summary):
         values = [slack.Compile()(points) for slack in slacks]
         if not (result.unfolded and all(c.min() >= -ROUNDING * np.abs(c).max() for c in values)):
             raise ValueError("it is converged, and its ψ is folded or beyond a limit")
+
+
+def _cloth(result):
+    surface, psi = result.scene.surface, result.state.components[:2]
+    return Kinematics(
+        gradient(*psi), surface.metric, result.scene.fabric, lambda: surface.curvature
+    )
+
+
+def _rule(result):
+    """The integration rule of the solve."""
+    return ngs.IntegrationRule(ngs.TRIG, 2 * ((result.settings["quadrature"] + 1) // 2))
+
+
+def _cost_of(result):
+    """`Result.cost`, from ψ."""
+    cloth, scene, fabric = _cloth(result), result.scene, result.scene.fabric
+    cost = fabric.energy(cloth.I4, cloth.I6, cloth.I8) if scene.cost is None else scene.cost(cloth)
+    integral = ngs.dx(intrules={ngs.ET.TRIG: _rule(result)})
+    return ngs.Integrate(
+        cloth.jacobian * cost / fabric.stiffness * integral, result.state.space.mesh
+    )

@@ -92,12 +92,11 @@ class Checkpoint:
         if self._found is None:
             return None
         state, rows, memory = self._found
-        shapes = {"s": slacks, "z": slacks, "filter": (memory.get("filter", state).shape[0], 2)}
+        shapes = {"s": slacks, "z": slacks, "filter": (*memory.get("filter", state).shape[:1], 2)}
         wrong = [name for name in memory if memory[name].shape != shapes.get(name, ())]
         if state.shape != (size,) or wrong:
-            self._refuse(
-                f"{', '.join(wrong) or 'the state'} has another shape, as in another build"
-            )
+            told = ", ".join(wrong) or "the state"
+            self._refuse(f"one of another build, with another shape of {told}, cannot be resumed")
         return self._found
 
     def remove(self):

@@ -26,7 +26,7 @@ from ngcloth import Disk, Elongation, InputError, Net, Reason, Rectangle, Scene,
 from ngcloth.result import load as loading
 from ngcloth.result.history import Row
 from ngcloth.result.reading import plain_arrays
-from ngcloth.result.save import CHECKSUMS, FILES
+from ngcloth.result.save import CHECKSUMS, FILES, hidden
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
 
 FIELDS = ("stretch1", "stretch2", "shear", "reaction", "jacobian")
@@ -356,7 +356,7 @@ def test_scaled_patches_are_not_taken_with_the_old_energy(factor, tmp_path):
         loaded = ngcloth.load(tmp_path / "x", scene=own_scene())
         assert np.array_equal(loaded.outline(9), -result.outline(9))
         return
-    told = refused(tmp_path / "x", "cost, energy", scene=own_scene())
+    told = refused(tmp_path / "x", "cost", scene=own_scene())
     assert "is not what ψ gives" in told
 
 
@@ -441,10 +441,13 @@ def test_arrays_that_are_not_a_patch(edit, told, saved):
         (("settings", "multiplier_order"), 3, "multiplier_order"),
         (("settings", "order"), 3, "array"),
         (("settings", "order"), 10**9, "quadrature"),
-        (("settings", "quadrature"), 10**9, "points"),
+        (("settings", "quadrature"), 1001, "quadrature 1000"),
+        (("settings", "quadrature"), 1000, "points"),
     ],
 )
-def test_numbers_that_are_not_of_this_patch(path, value, told, saved):
+def test_numbers_that_are_not_of_this_patch(path, value, told, saved, monkeypatch):
+    monkeypatch.setattr(loading, "MOST_POINTS", 10**5)
+
     def edit(fields, record):
         *within, last = path
         for name in within:
@@ -704,6 +707,16 @@ def test_a_failed_save_leaves_the_old_result(saved, monkeypatch):
         solved("Chebyshev").save(saved)
     assert ngcloth.load(saved).scene.name == solved("elastic").scene.name
     assert [path.name for path in saved.parent.iterdir()] == ["saved"]
+
+
+def test_no_link_is_followed_to_write(saved, tmp_path):
+    """Where a save keeps its work until it is done, a link leads elsewhere."""
+    (tmp_path / "elsewhere" / "result").mkdir(parents=True)
+    hidden(saved, "new").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match="a place to write to"):
+        solved("Chebyshev").save(saved)
+    assert [path.name for path in (tmp_path / "elsewhere").rglob("*")] == ["result"]
+    assert ngcloth.load(saved).scene.name == solved("elastic").scene.name
 
 
 def test_names_that_are_too_long(tmp_path):

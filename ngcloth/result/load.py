@@ -35,7 +35,9 @@ from .save import (
 # The most bytes of each file, and of its arrays once unpacked. A million triangles of order 2 fit.
 LARGEST = {CHECKSUMS: 2**10, "result.json": 2**20, "history.csv": 2**26}
 LARGEST |= {"scene.npz": 2**26, "fields.npz": 2**28}
-MOST_POINTS = 10**7  # of an integration rule on all triangles
+# NGSolve takes seconds for a mesh of order 100, and a tenth for a rule of degree 1000.
+HIGHEST_ORDER, HIGHEST_DEGREE = 100, 1000
+MOST_POINTS = 2 * 10**7  # of the integration rule on all triangles
 ROUNDING = 1e-9  # more than two machines may differ in
 NO_STRAIN = 1e-18  # of the square of a strain of rounding
 
@@ -201,7 +203,9 @@ def _same(values, expected):
 def _check_settings(settings, scene):
     """Refuse settings that a result cannot do without, or would not end with."""
     order = check_integer("order", settings["order"], 1)
-    check_integer("quadrature", settings["quadrature"], 2 * order - 2)
+    degree = check_integer("quadrature", settings["quadrature"], 2 * order - 2)
+    if order > HIGHEST_ORDER or degree > HIGHEST_DEGREE:
+        raise ValueError(f"its order is above {HIGHEST_ORDER}, or quadrature {HIGHEST_DEGREE}")
     if scene.in_equilibrium and check_integer("", settings["multiplier_order"], 1) > order:
         raise ValueError("its multiplier_order is larger than its order")
 
@@ -305,31 +309,36 @@ def _history(data):
 
 def _check_against_psi(result, summary):
     """Refuse numbers, and a "converged", that ψ contradicts."""
-    scene, mesh, history = result.scene, result.state.space.mesh, result.history
-    cloth, rule, cost = _cloth(result), _rule(result), _cost_of(result)
+    scene, history, cost = result.scene, result.history, _cost_of(result)
+    kc = scene.fabric.stiffness
 
     def same(value, found):
-        scale = ROUNDING * abs(found) + NO_STRAIN * result.area * scene.fabric.stiffness
+        scale = ROUNDING * abs(found) + NO_STRAIN * result.area
         return isfinite(found) and abs(value - found) <= scale
 
-    told = {name: summary[name] for name in ("energy", "area", "converged") if name in summary}
-    pairs = {name: (value, getattr(result, name)) for name, value in told.items()}
-    pairs |= {"cost": (result.cost, cost)}
+    pairs = {"cost": (result.cost, cost)}
+    for name, unit in {"energy": kc, "area": 1, "converged": 1}.items():
+        if name in summary:
+            pairs[name] = summary[name] / unit, getattr(result, name) / unit
     if result.converged and history:
-        unit = scene.copies * scene.fabric.stiffness / scene.normalisation
+        unit = scene.copies * kc / scene.normalisation
         pairs["energy of the last row"] = history[-1].energy, unit * cost
     differing = [name for name, pair in pairs.items() if not same(*pair)]
     if differing:
         raise ValueError(f"its {', '.join(differing)} is not what ψ gives")
-    last = history[-1] if history else Row("", *[0.0] * 6, newton=0, seconds=0.0)
-    if not (result.newton_iterations >= last.newton >= 0 and 0 <= result.seconds < np.inf):
+    steps = history[-1].newton if history else 0
+    if not (result.newton_iterations >= steps >= 0 and 0 <= result.seconds < np.inf):
         raise ValueError("its steps or seconds are not those of its history")
-    if result.converged:
-        points = mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)
-        slacks = [slack for limit in scene.constraints for slack in limit.slacks(cloth)]
-        values = [slack.Compile()(points) for slack in slacks]
-        if not (result.unfolded and all(c.min() >= -ROUNDING * np.abs(c).max() for c in values)):
-            raise ValueError("it is converged, and its ψ is folded or beyond a limit")
+    if result.converged and not (result.unfolded and _within_limits(result)):
+        raise ValueError("it is converged, and its ψ is folded or beyond a limit")
+
+
+def _within_limits(result):
+    """Whether all slacks are positive at the sampling points, up to rounding."""
+    points = result.state.space.mesh.MapToAllElements({ngs.ET.TRIG: _rule(result)}, ngs.VOL)
+    cloth, limits = _cloth(result), result.scene.constraints
+    values = [c.Compile()(points) for limit in limits for c in limit.slacks(cloth)]
+    return all(c.min() >= -ROUNDING * np.abs(c).max() for c in values)
 
 
 def _cloth(result):

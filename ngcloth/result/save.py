@@ -88,13 +88,13 @@ def _workshop(folder):
     while True:
         folder.mkdir(exist_ok=True)
         try:
-            handle = os.open(folder, os.O_RDONLY) if fcntl else None
+            handle = os.open(folder, os.O_RDONLY | os.O_NOFOLLOW) if fcntl else None
         except FileNotFoundError:  # another save's, which has just ended
             continue
         try:
             if fcntl:
                 fcntl.flock(handle, fcntl.LOCK_EX)  # the system ends it with the process
-                if not (folder.exists() and os.path.samestat(os.fstat(handle), folder.stat())):
+                if not (folder.exists() and os.path.samestat(os.fstat(handle), folder.lstat())):
                     continue
             shutil.rmtree(folder / "result", ignore_errors=True)
             try:

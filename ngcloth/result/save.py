@@ -7,7 +7,7 @@ import json
 import os
 import platform
 import shutil
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import astuple
 from pathlib import Path
 
@@ -85,26 +85,34 @@ def contents(result):
 @contextmanager
 def _workshop(folder):
     """An empty folder that one save at a time has, and that is gone after it."""
-    while True:
-        folder.mkdir(exist_ok=True)
-        try:
-            handle = os.open(folder, os.O_RDONLY | os.O_NOFOLLOW) if fcntl else None
-        except FileNotFoundError:  # another save's, which has just ended
-            continue
-        try:
-            if fcntl:
-                fcntl.flock(handle, fcntl.LOCK_EX)  # the system ends it with the process
-                if not (folder.exists() and os.path.samestat(os.fstat(handle), folder.lstat())):
-                    continue
-            shutil.rmtree(folder / "result", ignore_errors=True)
-            try:
-                yield folder
-            finally:
-                shutil.rmtree(folder, ignore_errors=True)
-            return
-        finally:
-            if fcntl:
-                os.close(handle)
+    handle = None
+    while handle is None:
+        with suppress(FileExistsError):
+            os.mkdir(folder)
+        if not fcntl:
+            break
+        handle = _locked(folder)
+    try:
+        shutil.rmtree(folder / "result", ignore_errors=True)
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        if fcntl:
+            os.close(handle)
+
+
+def _locked(folder):
+    """A handle of the folder, locked until it is closed; None if the folder is gone meanwhile."""
+    try:
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    except FileNotFoundError:  # another save's, which has just ended
+        return None
+    with suppress(FileNotFoundError):
+        fcntl.flock(handle, fcntl.LOCK_EX)  # the system ends it with the process
+        if os.path.samestat(os.fstat(handle), os.lstat(folder)):
+            return handle
+    os.close(handle)
+    return None
 
 
 def _put(files, target, new, folder):

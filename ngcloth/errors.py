@@ -34,6 +34,9 @@ class SolveError(RuntimeError):
         super().__init__(str(result.reason))
         self.result = result
 
+    def __reduce__(self):
+        return type(self), (self.result,)
+
 
 def check_number(argument, value, low=None, high=None, *, open_low=False, open_high=False):
     """Return `value` as a float; raise `InputError` unless it is finite and within the bounds."""

@@ -3,10 +3,14 @@
 import dataclasses
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +18,11 @@ import pytest
 import ngcloth
 from ngcloth import Reason, Scene, solve
 from ngcloth.energy.closed_form import ClosedFormLagrangian
+from ngcloth.result.history import Row
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
+from ngcloth.solver.checkpoint import Checkpoint
+
+solving = import_module("ngcloth.solver.solve")
 
 SCENES = {"Chebyshev": (hemicatenoid(), 0.3), "limits": (hemisphere(10.0), 0.3)}
 
@@ -172,19 +180,118 @@ def test_checkpoints_without_lengths_are_good(tmp_path):
     assert np.isnan(rest.history[3].length) and rest.history[4].length > 0
 
 
-def test_foreign_and_damaged_checkpoints(tmp_path):
+def no_mesh(*arguments):
+    raise AssertionError("a mesh was made")
+
+
+def refused(path, told, scene=None, **settings):
+    with pytest.raises(ngcloth.InputError, match=told) as error:
+        solve(scene or hemisphere(10.0), **{"maxh": 0.3, "checkpoint": path} | settings)
+    assert error.value.argument == "checkpoint"
+
+
+@pytest.fixture
+def cut_off(tmp_path):
+    """The checkpoint of two steps."""
     path = tmp_path / "run.npz"
     solve(hemisphere(10.0), maxh=0.3, checkpoint=path, max_steps=2)
-    for scene, maxh in ((hemisphere(11.0), 0.3), (hemisphere(10.0), 0.25)):
-        with pytest.raises(ngcloth.InputError, match="another one's"):
-            solve(scene, maxh=maxh, checkpoint=path)
-    whole = path.read_bytes()
+    return path
+
+
+def test_foreign_and_damaged_checkpoints(cut_off, monkeypatch):
+    """They are refused before the mesh."""
+    monkeypatch.setattr(solving, "make_mesh", no_mesh)
+    refused(cut_off, "another one's", hemisphere(11.0))
+    refused(cut_off, "another one's", maxh=0.25)
+    refused(cut_off, "another one's", dataclasses.replace(hemisphere(10.0), cost=energy))
+    whole = cut_off.read_bytes()
     for damaged in (b"", whole[: len(whole) // 2], b"no archive", whole[:99] + whole[400:]):
-        path.write_bytes(damaged)
-        with pytest.raises(ngcloth.InputError, match="damaged"):
-            solve(hemisphere(10.0), maxh=0.3, checkpoint=path)
-    with pytest.raises(ngcloth.InputError, match="existing folder"):
-        solve(hemisphere(10.0), maxh=0.3, checkpoint=tmp_path / "none" / "run.npz")
+        cut_off.write_bytes(damaged)
+        refused(cut_off, "damaged")
+
+
+def test_places_that_are_no_checkpoint(tmp_path, monkeypatch):
+    """A pipe, read from, would be waited for; a folder or device is not to be replaced."""
+    monkeypatch.setattr(solving, "make_mesh", no_mesh)
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path, tmp_path / "pipe", os.devnull, tmp_path / "none" / "run.npz", "", 3):
+        refused(path, "path of a file")
+    refused(tmp_path / ("x" * 1000), "too long")
+    assert [path.name for path in tmp_path.iterdir()] == ["pipe"]
+
+
+@pytest.mark.parametrize(
+    "name, edit, told",
+    [
+        ("memory_s", None, "another build, without s"),
+        ("memory_filter", None, "another build, without filter"),
+        ("memory_s", lambda s: s[:, :-1], "another shape of s"),
+        ("memory_filter", lambda pairs: np.zeros(3), "another shape of filter"),
+        ("memory_rate", lambda rate: np.zeros(2), "another shape of rate"),
+        ("memory_z", lambda z: np.full_like(z, np.nan), "damaged"),
+        ("memory_z", lambda z: z.astype(str), "damaged"),
+        ("state", lambda state: state[:-1], "another shape of the state"),
+        ("state", lambda state: state * np.nan, "damaged"),
+        ("numbers", lambda rows: rows * np.nan, "damaged"),
+        ("numbers", lambda rows: rows[:, :3], "damaged"),
+        ("phases", lambda phases: phases[:0], "damaged"),
+        ("identity", None, "damaged"),
+    ],
+)
+def test_checkpoints_of_another_build(name, edit, told, cut_off):
+    with np.load(cut_off) as found:
+        arrays = dict(found)
+    there = arrays.pop(name)
+    np.savez(cut_off, **arrays | ({} if edit is None else {name: edit(there)}))
+    refused(cut_off, told)
+
+
+@pytest.mark.parametrize("attribute", [(np, "savez"), (os, "replace"), (Path, "unlink")])
+def test_a_full_disk_does_not_end_a_solve(attribute, tmp_path, monkeypatch):
+    """Nor does one that takes nothing, or lets go of nothing."""
+
+    def fail(*arguments, **options):
+        raise OSError("no space left on device")
+
+    whole, lines = solve(hemisphere(10.0), maxh=0.5), []
+    monkeypatch.setattr(*attribute, fail)
+    with pytest.warns(RuntimeWarning, match="without its checkpoint .no space"):
+        path = tmp_path / "run.npz"
+        result = solve(hemisphere(10.0), maxh=0.5, checkpoint=path, log=lines.append)
+    assert result.converged and result.energy == pytest.approx(whole.energy, rel=1e-9)
+    assert any("without its checkpoint (no space" in line for line in lines)
+    if attribute[0] is not Path:
+        assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_goes_away(tmp_path):
+    (tmp_path / "here").mkdir()
+    path = tmp_path / "here" / "run.npz"
+
+    def remove(result):
+        if path.exists():
+            shutil.rmtree(path.parent)
+
+    with pytest.warns(RuntimeWarning, match="without its checkpoint"):
+        assert solve(hemisphere(10.0), maxh=0.5, checkpoint=path, callback=remove).converged
+
+
+def test_one_checkpoint_of_many(tmp_path):
+    """Each write is whole: what is there at any moment is one of them."""
+    path = tmp_path / ("x" * 255)  # as long as names may be
+    row = Row("flow", *[0.0] * 6, newton=1, seconds=1.0)
+
+    def write(number):
+        Checkpoint(path, {}).write(np.full(10**4, number), [row], {})
+        state, rows, memory = Checkpoint(path, {}).found(10**4, ())
+        assert [each.newton for each in rows] == [1] and memory == {}
+        return len(set(state.tolist()))
+
+    with ThreadPoolExecutor(4) as pool:
+        assert set(pool.map(write, range(100))) == {1}
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+    Checkpoint(path, {}).remove()
+    assert not list(tmp_path.iterdir())
 
 
 # Costs, starts, schedules -------------------------------------------------------------------

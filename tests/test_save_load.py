@@ -2,16 +2,20 @@
 
 import csv
 import hashlib
+import io
 import json
 import os
+import pickle
 import random
 import re
 import shutil
 import subprocess
 import sys
 import time
+import zipfile
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import ngsolve as ngs
 import numpy as np
@@ -19,8 +23,10 @@ import pytest
 
 import ngcloth
 from ngcloth import Disk, Elongation, InputError, Net, Reason, Rectangle, Scene, ShearLimit, Surface
+from ngcloth.result import load as loading
 from ngcloth.result.history import Row
-from ngcloth.result.save import CHECKSUMS, FILES
+from ngcloth.result.reading import plain_arrays
+from ngcloth.result.save import CHECKSUMS, FILES, hidden
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
 
 FIELDS = ("stretch1", "stretch2", "shear", "reaction", "jacobian")
@@ -317,6 +323,241 @@ def test_fields_of_another_result(saved, tmp_path):
     refused(saved, "fields.npz")
 
 
+# Files that contradict themselves -----------------------------------------------------------
+
+
+def arrays_of(path):
+    with np.load(path, allow_pickle=False) as arrays:
+        return dict(arrays)
+
+
+def rewrite(saved, edit):
+    """Change arrays and result.json as one would who means harm, and make the checksums right."""
+    fields = arrays_of(saved / "fields.npz")
+    record = json.loads((saved / "result.json").read_text(encoding="utf-8"))
+    edit(fields, record)
+    np.savez(saved / "fields.npz", **fields)
+    (saved / "result.json").write_text(json.dumps(record), encoding="utf-8")
+    sign(saved)
+
+
+def scaled(factor, fields):
+    n = len(fields["state"]) // 2  # ψ, before an η of the same order
+    fields["state"][:n] *= factor
+    fields["psi"] *= factor
+
+
+@pytest.mark.parametrize("factor", [0.0, 1.3, 1 + 1e-6, -1.0])
+def test_scaled_patches_are_not_taken_with_the_old_energy(factor, tmp_path):
+    result = solved("own")
+    result.save(tmp_path / "x")
+    rewrite(tmp_path / "x", lambda fields, record: scaled(factor, fields))
+    if factor == -1:  # half a turn: the same patch
+        loaded = ngcloth.load(tmp_path / "x", scene=own_scene())
+        assert np.array_equal(loaded.outline(9), -result.outline(9))
+        return
+    told = refused(tmp_path / "x", "cost", scene=own_scene())
+    assert "is not what ψ gives" in told
+
+
+def test_a_scaled_patch_with_all_its_numbers(saved):
+    """Limits tell: with λ < 1 nothing has converged, whatever the energies."""
+    right = solved("elastic")
+    state = ngs.GridFunction(right.state.space)
+    state.vec.data = right.state.vec
+    state.vec.FV().NumPy()[: right.state.space.Range(1).stop] *= 1.3
+    cost = loading._cost_of(replace(right, state=state))
+    slack = replace(right, state=state, cost=cost, history=[])
+    assert slack.unfolded and slack.extrema["stretch1"][0] < 0.8
+    slack.save(saved)
+    refused(saved, "its ψ is folded or beyond a limit")
+    replace(slack, reason=Reason.STEP_BUDGET).save(saved)
+    assert ngcloth.load(saved).energy == slack.energy
+
+
+def eta_of_nan(fields, record):
+    fields["eta"][:], fields["state"][-1] = np.nan, np.nan
+
+
+def eta_of_another(fields, record):
+    fields["eta"] *= 2
+
+
+def complex_psi(fields, record):
+    fields["psi"] = fields["psi"] * (1 + 1j)
+
+
+def complex_state(fields, record):
+    fields["state"] = fields["state"] + 0j
+
+
+def one_more(fields, record):
+    fields["more"] = np.zeros(3)
+
+
+def one_triangle_less(fields, record):
+    for name in ("triangles", "theta", "psi", "eta"):
+        fields[name] = fields[name][1:]
+
+
+def turned_triangles(fields, record):
+    fields["triangles"] = fields["triangles"][:, ::-1]
+
+
+def beyond_the_rim(fields, record):
+    fields["vertices"] = fields["vertices"] * 1.5
+
+
+@pytest.mark.parametrize(
+    "edit, told",
+    [
+        (eta_of_nan, "of finite numbers"),
+        (eta_of_another, "eta at the nodes"),
+        (complex_psi, "psi is not an array"),
+        (complex_state, "state is not an array"),
+        (one_more, "other arrays"),
+        (one_triangle_less, "triangle"),
+        (turned_triangles, "turned over"),
+        (beyond_the_rim, "outside the domain"),
+    ],
+)
+def test_arrays_that_are_not_a_patch(edit, told, saved):
+    rewrite(saved, edit)
+    assert told in refused(saved, "fields.npz")
+
+
+@pytest.mark.parametrize(
+    "path, value, told",
+    [
+        (("cost",), 0.1, "cost"),
+        (("cost",), float("nan"), "cost"),
+        (("summary", "energy"), 0.1, "energy"),
+        (("summary", "area"), 0.1, "area"),
+        (("summary", "converged"), False, "converged"),
+        (("newton_iterations",), 0, "steps"),
+        (("seconds",), float("inf"), "seconds"),
+        (("settings", "quadrature"), None, "quadrature"),
+        (("settings", "quadrature"), 1, "quadrature"),
+        (("settings", "multiplier_order"), 3, "multiplier_order"),
+        (("settings", "order"), 3, "array"),
+        (("settings", "order"), 10**9, "quadrature"),
+        (("settings", "quadrature"), 1001, "quadrature 1000"),
+        (("settings", "quadrature"), 1000, "points"),
+    ],
+)
+def test_numbers_that_are_not_of_this_patch(path, value, told, saved, monkeypatch):
+    monkeypatch.setattr(loading, "MOST_POINTS", 10**5)
+
+    def edit(fields, record):
+        *within, last = path
+        for name in within:
+            record = record[name]
+        record[last] = value
+
+    rewrite(saved, edit)
+    assert told in refused(saved, "result.json", "fields.npz")
+
+
+@pytest.mark.parametrize("name", ["order", "quadrature", "multiplier_order"])
+def test_settings_are_whole(name, saved):
+    rewrite(saved, lambda fields, record: record["settings"].pop(name))
+    assert name in refused(saved, "result.json")
+
+
+def test_the_last_row_is_of_this_patch(saved):
+    lines = (saved / "history.csv").read_text().splitlines()
+    energy = str(solved("elastic").history[-1].energy)
+    assert energy in lines[-1]
+    lines[-1] = lines[-1].replace(energy, "0.1")
+    (saved / "history.csv").write_text("\n".join(lines) + "\n")
+    sign(saved)
+    assert "last row" in refused(saved, "result.json")
+
+
+def shear_squared(cloth):
+    return cloth.shear**2 + 0.01 * cloth.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
+
+
+def test_another_cost_is_another_scene(tmp_path):
+    """Also with files from before the cost was in scene.npz: the cost of ψ tells."""
+    scene = replace(hemisphere(10.0), cost=shear_squared)
+    result = ngcloth.solve(scene, maxh=0.5, max_steps=4)
+    result.save(tmp_path / "x")
+    others = [
+        replace(scene, cost=lambda cloth: 2 * shear_squared(cloth)),
+        replace(scene, cost=None),
+    ]
+    for other in others:
+        with pytest.raises(InputError, match="the scene that was solved; cost differ"):
+            ngcloth.load(tmp_path / "x", scene=other)
+    points = arrays_of(tmp_path / "x" / "scene.npz")
+    assert points.pop("cost").shape == points["theta"].shape[:1]
+    np.savez(tmp_path / "x" / "scene.npz", **points)
+    sign(tmp_path / "x")
+    assert ngcloth.load(tmp_path / "x", scene=scene).cost == result.cost
+    refused(tmp_path / "x", "cost", scene=others[0])
+    refused(tmp_path / "x", "cost", scene=others[1])
+
+
+@pytest.mark.parametrize("name", [*FILES, CHECKSUMS])
+@pytest.mark.parametrize("kind", ["pipe", "folder", "link"])
+def test_only_plain_files_are_read(name, kind, saved, tmp_path):
+    """A pipe would be waited for; a link leads to what is not in the folder."""
+    (saved / name).rename(tmp_path / name)
+    if kind == "pipe":
+        os.mkfifo(saved / name)
+    elif kind == "folder":
+        (saved / name).mkdir()
+    else:
+        (saved / name).symlink_to(tmp_path / name)
+    assert "not a plain file" in refused(saved, name)
+    with pytest.raises(InputError, match=f"here is {name}"):
+        solved("Chebyshev").save(saved)
+    assert os.path.lexists(saved / name) and (tmp_path / name).exists()
+
+
+@pytest.mark.parametrize("name", [*FILES, CHECKSUMS])
+def test_files_of_bounded_size(name, saved, monkeypatch):
+    monkeypatch.setitem(loading.LARGEST, name, (saved / name).stat().st_size - 1)
+    assert "larger than" in refused(saved, name)
+
+
+def packed(*members, method=zipfile.ZIP_DEFLATED):
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", method) as archive:
+        for name, data in members:
+            archive.writestr(name, data)
+    return file.getvalue()
+
+
+def npy(array, shape=None):
+    """An npy file of an array, with another shape in its header than it has."""
+    file = io.BytesIO()
+    told = np.lib.format.header_data_from_array_1_0(array) | ({"shape": shape} if shape else {})
+    np.lib.format.write_array_header_1_0(file, told)
+    return file.getvalue() + array.tobytes()
+
+
+@pytest.mark.parametrize(
+    "data, told",
+    [
+        (packed(("x.npy", npy(np.zeros(10**5)))), "larger than"),
+        (packed(("x.npy", npy(np.zeros(8), (10**12,)))), "another size"),
+        (packed(("x.npy", npy(np.zeros(8), (-8,)))), "another size"),
+        (packed(("x.npy", npy(np.zeros(8))), ("x", npy(np.zeros(8)))), "one name"),
+        (packed(("x.npy", npy(np.zeros(8))), method=zipfile.ZIP_BZIP2), "another way"),
+        (packed(*((f"{i}", b"") for i in range(101))), "members"),
+    ],
+)
+def test_arrays_of_bounded_size(data, told):
+    """Before memory is taken for what they unpack to, or say that they do."""
+    with pytest.raises(ValueError, match=told):
+        plain_arrays(data, 10**5)
+
+
+# Code is not run ----------------------------------------------------------------------------
+
+
 class Trap:
     """Leaves a trace where it is unpickled."""
 
@@ -409,7 +650,7 @@ def test_a_changed_named_scene_is_not_taken_for_the_original(saved, tmp_path):
     with pytest.raises(InputError, match="cloth differ"):
         ngcloth.load(saved, scene=changed)
     assert ngcloth.load(saved, scene=hemisphere(1.0)).converged
-    replace(solved("elastic"), scene=changed).save(tmp_path / "changed")
+    ngcloth.solve(changed, maxh=0.5, max_steps=2).save(tmp_path / "changed")
     with pytest.raises(InputError, match="scene = None"):
         ngcloth.load(tmp_path / "changed")
     assert ngcloth.load(tmp_path / "changed", scene=changed).scene.fabric.ks == 1.5
@@ -458,14 +699,66 @@ def test_new_and_empty_folders_are_taken(tmp_path):
 
 
 def test_a_failed_save_leaves_the_old_result(saved, monkeypatch):
-    def fail(*arguments, **options):
+    def fail(path, data):
         raise OSError("no space left on device")
 
-    monkeypatch.setattr(np, "savez_compressed", fail)
-    with pytest.raises(OSError, match="no space"):
+    monkeypatch.setattr(Path, "write_bytes", fail)
+    with pytest.raises(InputError, match="no space"):
         solved("Chebyshev").save(saved)
     assert ngcloth.load(saved).scene.name == solved("elastic").scene.name
     assert [path.name for path in saved.parent.iterdir()] == ["saved"]
+
+
+def test_no_link_is_followed_to_write(saved, tmp_path):
+    """Where a save keeps its work until it is done, a link leads elsewhere."""
+    (tmp_path / "elsewhere" / "result").mkdir(parents=True)
+    hidden(saved, "new").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match="a place to write to"):
+        solved("Chebyshev").save(saved)
+    assert [path.name for path in (tmp_path / "elsewhere").rglob("*")] == ["result"]
+    assert ngcloth.load(saved).scene.name == solved("elastic").scene.name
+
+
+def test_names_that_are_too_long(tmp_path):
+    for name in ("x" * 250, "x" * 1000):
+        with pytest.raises(InputError, match="too long"):
+            solved("Chebyshev").save(tmp_path / name)
+    refused(tmp_path / ("x" * 1000), "too long")
+    assert not list(tmp_path.iterdir())
+
+
+SAVING = """
+import sys, ngcloth
+result = ngcloth.load(sys.argv[1])
+print("ready", flush=True)
+sys.stdin.readline()
+for _ in range(int(sys.argv[3])): result.save(sys.argv[2])
+"""
+
+
+def test_two_processes_save_to_one_folder(saved, tmp_path):
+    """And this one reads it all the while: one of the two results is there, whole."""
+    solved("Chebyshev").save(tmp_path / "other")
+    target = tmp_path / "target"
+    shutil.copytree(saved, target)
+    names = {solved(name).scene.name for name in ("Chebyshev", "elastic")}
+    command = [sys.executable, "-c", SAVING]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    savers = [
+        subprocess.Popen([*command, folder, target, "20"], **pipes)
+        for folder in (saved, tmp_path / "other")
+    ]
+    assert [process.stdout.readline() for process in savers] == [b"ready\n"] * 2
+    for process in savers:
+        process.stdin.write(b"\n")
+        process.stdin.flush()
+    found = set()
+    while any(process.poll() is None for process in savers):
+        found.add(ngcloth.load(target).scene.name)
+    for process in savers:
+        assert (process.communicate()[1], process.returncode) == (b"", 0)
+    assert found <= names and ngcloth.load(target).scene.name in names
+    assert {path.name for path in tmp_path.iterdir()} == {"saved", "other", "target"}
 
 
 def test_killed_at_any_moment(saved, tmp_path):
@@ -508,3 +801,31 @@ def test_cut_off_between_the_two_renames(saved, monkeypatch):
     solved("Chebyshev").save(saved)
     assert ngcloth.load(saved).scene.name == solved("Chebyshev").scene.name
     assert [path.name for path in saved.parent.iterdir()] == ["saved"]
+
+
+# Pickle -------------------------------------------------------------------------------------
+
+
+def valley(x, y):
+    return x, y, 0.3 * x**2 + 0.1 * y**2
+
+
+@pytest.mark.parametrize("name", ["Chebyshev", "elastic", "valley"])
+def test_pickle(name):
+    if name == "valley":
+        scene = Scene(Surface(valley, Disk()), Locking(), TAUT)
+        result = ngcloth.solve(scene, maxh=0.5, max_steps=3)
+    else:
+        result = solved(name)
+    again = pickle.loads(pickle.dumps(result))
+    assert np.array_equal(again.outline(50), result.outline(50))
+    assert str(again) == str(result) and again.history == result.history
+    assert again.settings == result.settings and again.scene.recipe == result.scene.recipe
+    assert np.array_equal(again.state.vec.FV().NumPy(), result.state.vec.FV().NumPy())
+
+
+def test_pickle_of_a_solve_that_did_not_converge():
+    error = ngcloth.SolveError(solved("unfinished, order 5"))
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error) and again.result.reason is Reason.STEP_BUDGET
+    assert again.result.energy == error.result.energy

@@ -1,4 +1,4 @@
-"""Solving alters no global state of NGSolve, and gives the same with two threads as with one."""
+"""Threads and processes: the same with two as with one, and nothing global is changed."""
 
 import subprocess
 import sys
@@ -77,3 +77,78 @@ def test_nothing_global_is_changed():
         [sys.executable, "-c", GLOBAL_STATE], capture_output=True, text=True, timeout=120
     )
     assert done.returncode == 0, done.stderr
+
+
+# Several solves at a time -------------------------------------------------------------------
+
+THREADS_AND_FORK = """
+import itertools, multiprocessing
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+import ngcloth
+
+steps = []
+
+def energy(ks):
+    def note(result):
+        if not steps or steps[-1] != ks:
+            ngcloth.solve(result.scene, maxh=1.0, max_steps=1)  # a callback may solve, too
+        steps.append(ks)
+
+    return ngcloth.solve(ngcloth.scenes.hemisphere(ks), maxh=0.5, callback=note).energy
+
+stiffness = [1.0, 3.0, 10.0, 30.0]
+with ThreadPoolExecutor(2) as pool:
+    found = list(pool.map(energy, stiffness))
+assert len(steps) > 12
+turns = [ks for ks, _ in itertools.groupby(steps)]
+assert sorted(turns) == stiffness, turns
+for ks, there in zip(stiffness, found):
+    here = energy(ks)
+    assert abs(there - here) <= 1e-9 * here, (ks, there, here)
+with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("fork")) as pool:
+    error = pool.submit(energy, 1.0).exception()
+assert isinstance(error, RuntimeError) and "spawn" in str(error), error
+"""
+
+
+def run(script, *arguments):
+    done = subprocess.run(
+        [sys.executable, *arguments, script], capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_solves_in_threads_take_turns_and_forked_ones_are_refused():
+    run(THREADS_AND_FORK, "-c")
+
+
+SPAWNED = """
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+import ngcloth
+
+def bowl(x, y):
+    return x, y, 0.3 * x**2 + 0.2 * y**2
+
+def solved(max_steps):
+    scene = ngcloth.Scene(
+        ngcloth.Surface(bowl, ngcloth.Disk()), ngcloth.Net(ks=1.0), [ngcloth.Elongation()]
+    )
+    return ngcloth.solve(scene, maxh=0.5, barrier_end=0.1, max_steps=max_steps, throw=True)
+
+if __name__ == "__main__":
+    here = solved(50)
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        there = pool.submit(solved, 50).result()
+        error = pool.submit(solved, 1).exception()
+    assert there.converged and abs(there.energy - here.energy) <= 1e-9 * here.energy
+    assert there.certificate().certified == here.certificate().certified
+    assert isinstance(error, ngcloth.SolveError), error
+    assert error.result.reason is ngcloth.Reason.STEP_BUDGET
+    assert len(error.result.history) == 1
+"""
+
+
+def test_results_and_errors_come_back_from_processes(tmp_path):
+    (tmp_path / "study.py").write_text(SPAWNED)
+    run(tmp_path / "study.py")

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 from contextlib import contextmanager
+from math import isfinite
 
 import netgen.meshing
 import ngsolve as ngs
@@ -12,8 +13,11 @@ from netgen.occ import OCCGeometry
 
 from .. import scenes
 from ..errors import InputError, check_integer
+from ..problem.kinematics import Kinematics, gradient
 from ..problem.scene import Scene
+from .alone import alone
 from .history import COLUMNS, FIRST_COLUMNS, Reason, Row
+from .reading import plain_arrays, plain_bytes
 from .result import Result
 from .save import (
     CHECKSUMS,
@@ -28,12 +32,24 @@ from .save import (
     scene_words,
 )
 
+# The most bytes of each file, and of its arrays once unpacked. A million triangles of order 2 fit.
+LARGEST = {CHECKSUMS: 2**10, "result.json": 2**20, "history.csv": 2**26}
+LARGEST |= {"scene.npz": 2**26, "fields.npz": 2**28}
+# NGSolve takes seconds for a mesh of order 100, and a tenth for a rule of degree 1000.
+HIGHEST_ORDER, HIGHEST_DEGREE = 100, 1000
+MOST_POINTS = 2 * 10**7  # of the integration rule on all triangles
+ROUNDING = 1e-9  # more than two machines may differ in
+NO_STRAIN = 1e-18  # of the square of a strain of rounding
 
+
+@alone
 def load(folder, scene=None):
     """Read a result that `Result.save` has written.
 
-    No code is run and no pickle read. A scene of `ngcloth.scenes` is made again from its name and
-    arguments; one of your own, charts being code, has to be given.
+    No code is run and no pickle read; cost, energy, area and whether limits hold are compared with
+    what ψ gives. Ask `Result.certificate` whether ψ is a minimum, if the files are not your own.
+    What is promised for files of strangers is in docs/security.md. A scene of `ngcloth.scenes` is
+    made again from its name and arguments; one of your own, charts being code, has to be given.
 
     Parameters
     ----------
@@ -55,30 +71,37 @@ def load(folder, scene=None):
     """
     if scene is not None and not isinstance(scene, Scene):
         raise InputError("scene", scene, "an ngcloth.Scene")
-    place = checked_path(folder)
-    if not place.exists() and hidden(place, "previous").exists():
-        place = hidden(place, "previous")  # a save was cut off while it put a new result there
-    files = _verified(place, folder)
+    return restored(_found(folder), scene, folder)
+
+
+def restored(files, scene=None, folder="pickle"):
+    """The result in the `files` of `save.contents`, which errors call `folder`."""
     with _reading(folder, "result.json"):
         record = _record(files["result.json"], folder)
         reason, settings = Reason[record["reason"]], dict(record["settings"])
-        order = check_integer("order", settings["order"], 1)
         numbers = {
             "cost": float(record["cost"]),
             "newton_iterations": int(record["newton_iterations"]),
             "seconds": float(record["seconds"]),
         }
-    scene = _scene(scene, record, _arrays(files, "scene.npz", folder), folder)
-    fields = _arrays(files, "fields.npz", folder)
+    with _reading(folder, "scene.npz"):
+        expected = plain_arrays(files["scene.npz"], LARGEST["scene.npz"])
+    scene = _scene(scene, record, expected, folder)
+    with _reading(folder, "result.json"):
+        _check_settings(settings, scene)
     with _reading(folder, "fields.npz"):
-        _check_mesh(fields, order)
-        mesh = _mesh(scene, fields, order)
+        fields = plain_arrays(files["fields.npz"], LARGEST["fields.npz"])
+        _check_fields(fields, settings, scene)
+        mesh = _mesh(scene, fields, settings["order"])
         state = _state(scene, mesh, settings, fields)
     with _reading(folder, "history.csv"):
         history = _history(files["history.csv"])
-    return Result(
+    result = Result(
         scene=scene, state=state, reason=reason, history=history, settings=settings, **numbers
     )
+    with _reading(folder, "result.json"):
+        _check_against_psi(result, record.get("summary", {}))
+    return result
 
 
 @contextmanager
@@ -95,15 +118,37 @@ def _reading(folder, name):
         raise InputError("folder", str(folder), text) from error
 
 
+def _found(folder):
+    """The files of a folder, read again where a save replaces it meanwhile."""
+    while True:
+        with _reading(folder, CHECKSUMS):
+            place, before = _place(folder)
+        try:
+            return _verified(place, folder)
+        except InputError:
+            with _reading(folder, CHECKSUMS):
+                if _place(folder) == (place, before):
+                    raise
+
+
+def _place(folder):
+    """Where the files are, and what tells the place from one that a save has put there since."""
+    place = checked_path(folder)
+    if not place.exists() and hidden(place, "previous").exists():
+        place = hidden(place, "previous")  # a save was cut off while it put a new result there
+    status = place.stat()
+    return place, (status.st_ino, status.st_ctime_ns)
+
+
 def _verified(place, folder):
     """The bytes of all files, {name: bytes}, after a look at their checksums."""
     with _reading(folder, CHECKSUMS):
-        lines = (place / CHECKSUMS).read_bytes().decode("ascii").split("\n")
+        lines = plain_bytes(place / CHECKSUMS, LARGEST[CHECKSUMS]).decode("ascii").split("\n")
         sums = {name: value for value, name in (line.split("  ") for line in lines if line)}
     files = {}
     for name in FILES:
         with _reading(folder, name):
-            files[name] = (place / name).read_bytes()
+            files[name] = plain_bytes(place / name, LARGEST[name])
             if checksum(files[name]) != sums.get(name):
                 raise ValueError(f"its checksum is not the one in {CHECKSUMS}")
     return files
@@ -117,11 +162,6 @@ def _record(data, folder):
         text = f"version {VERSION} of the format; result.json has version {record['version']}"
         raise InputError("folder", str(folder), f"{text}, by {record.get('versions')}")
     return record
-
-
-def _arrays(files, name, folder):
-    with _reading(folder, name), np.load(io.BytesIO(files[name]), allow_pickle=False) as arrays:
-        return dict(arrays)
 
 
 def _scene(scene, record, expected, folder):
@@ -138,8 +178,12 @@ def _scene(scene, record, expected, folder):
             scene = scenes.NAMED[recipe["scene"]](**recipe["arguments"])
     words, found = scene_words(scene), fingerprint(scene)
     with _reading(folder, "scene.npz"):
+        if "cost" not in expected:  # written before it was kept; the cost of ψ is compared anyhow
+            found.pop("cost", None)
+        if expected.keys() - {"cost"} != found.keys() - {"cost"}:
+            raise ValueError(f"it has other arrays than {', '.join(found)}")
         differing = [key for key in words if words[key] != record["scene"][key]]
-        differing += [key for key in found if not _same(found[key], expected[key])]
+        differing += [key for key in expected if not _same(found.get(key), expected[key])]
     if differing:
         text = f"the scene that was solved; {', '.join(differing)} differ"
         raise InputError(argument, value, text)
@@ -148,26 +192,64 @@ def _scene(scene, record, expected, folder):
 
 def _same(values, expected):
     """Whether arrays (..., n) agree to more digits than two machines may differ in."""
-    if values.shape != expected.shape:
+    if values is None or values.shape != expected.shape or expected.dtype.kind != "f":
         return False
     size = np.where(np.isfinite(expected), np.abs(expected), 0).reshape(-1, expected.shape[-1])
     columns = size.max(axis=0)
-    near = np.abs(values - expected) <= 1e-9 * columns + 1e-12 * columns.max()
+    near = np.abs(values - expected) <= ROUNDING * columns + 1e-12 * columns.max()
     return bool(np.all(near | np.isclose(values, expected, rtol=0, atol=0, equal_nan=True)))
 
 
-def _check_mesh(fields, order):
+def _check_settings(settings, scene):
+    """Refuse settings that a result cannot do without, or would not end with."""
+    order = check_integer("order", settings["order"], 1)
+    degree = check_integer("quadrature", settings["quadrature"], 2 * order - 2)
+    if order > HIGHEST_ORDER or degree > HIGHEST_DEGREE:
+        raise ValueError(f"its order is above {HIGHEST_ORDER}, or quadrature {HIGHEST_DEGREE}")
+    if scene.in_equilibrium and check_integer("", settings["multiplier_order"], 1) > order:
+        raise ValueError("its multiplier_order is larger than its order")
+
+
+def _check_fields(fields, settings, scene):
     """Refuse arrays that Netgen would take without a look, and fail on."""
+    order, quadrature = settings["order"], settings["quadrature"]
+    names = {"state", "theta", "psi", "vertices", "triangles", "segments"}
+    if fields.keys() != names | ({"eta"} if scene.in_equilibrium else set()):
+        raise ValueError(f"it has other arrays than {', '.join(sorted(names))}")
     vertices, triangles, segments = (fields[n] for n in ("vertices", "triangles", "segments"))
     nodes = (len(triangles), (order + 1) * (order + 2) // 2, 2)
-    shapes = {"vertices": (len(vertices), 2), "triangles": (len(triangles), 3), "theta": nodes}
-    shapes |= {"segments": (len(segments), 3), "psi": nodes}
-    for name, shape in shapes.items():
-        if fields[name].shape != shape or not np.isfinite(fields[name]).all():
-            raise ValueError(f"{name} is not an array {shape} of finite numbers")
+    shapes = {name: nodes for name in ("theta", "psi", "eta")} | {"state": (fields["state"].size,)}
+    shapes |= {"vertices": (len(vertices), 2), "triangles": (len(triangles), 3)}
+    shapes |= {"segments": (len(segments), 3)}
+    for name, array in fields.items():
+        kind = "i" if name in ("triangles", "segments") else "f"
+        if array.shape != shapes[name] or array.dtype.kind != kind or not np.isfinite(array).all():
+            raise ValueError(f"{name} is not an array {shapes[name]} of finite numbers")
     for name, ends in {"triangles": triangles, "segments": segments[:, :2]}.items():
-        if ends.dtype.kind != "i" or not np.all((ends >= 0) & (ends < len(vertices))):
+        if not np.all((ends >= 0) & (ends < len(vertices))):
             raise ValueError(f"{name} has other entries than vertices")
+    if len(triangles) * (quadrature // 2 + 1) ** 2 > MOST_POINTS:
+        raise ValueError(f"its quadrature on these triangles has more than {MOST_POINTS} points")
+    _check_triangulation(vertices, triangles, segments, scene.surface.domain)
+
+
+def _check_triangulation(vertices, triangles, segments, domain):
+    """Refuse triangles that are turned over, or bounded by other edges than the segments."""
+    if not domain.contains(vertices).all():
+        raise ValueError("vertices lie outside the domain")
+    if set(triangles.ravel().tolist()) != set(range(len(vertices))):
+        raise ValueError("vertices belong to no triangle")
+    first, second, third = vertices[triangles].transpose(1, 2, 0)
+    (a, b), (c, d) = second - first, third - first
+    if not np.all(a * d - b * c > 0):
+        raise ValueError("triangles are turned over or flat")
+    edges = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
+    there, back = edges @ [len(vertices), 1], edges @ [1, len(vertices)]
+    once = edges[~np.isin(there, back)]
+    rim = np.unique(np.sort(segments[:, :2], axis=1), axis=0)
+    of_one = np.array_equal(np.unique(np.sort(once, axis=1), axis=0), rim)
+    if len(np.unique(there)) < len(there) or len(rim) < len(segments) or not of_one:
+        raise ValueError("segments are not the edges of one triangle")
 
 
 def _mesh(scene, fields, order):
@@ -178,6 +260,8 @@ def _mesh(scene, fields, order):
     mesh.AddPoints(np.array(fields["vertices"], dtype=float))
     region = mesh.AddRegion("default", dim=2)
     mesh.AddElements(dim=2, index=region, data=fields["triangles"].astype(np.int32))
+    if not np.all((fields["segments"][:, 2] >= 1) & (fields["segments"][:, 2] <= len(face.edges))):
+        raise ValueError("segments lie on other edges than the domain has")
     segments = fields["segments"].astype(np.int32)
     for number, edge in enumerate(face.edges, start=1):
         region = mesh.AddRegion(edge.name, dim=1)
@@ -207,6 +291,8 @@ def _state(scene, mesh, settings, fields):
     coefficients[:] = fields["state"]
     # Coefficients mean something only in the numbering and the basis that they were written in.
     found = {"theta": ngs.CF((ngs.x, ngs.y)), "psi": ngs.CF(tuple(state.components[:2]))}
+    if scene.in_equilibrium:
+        found["eta"] = ngs.CF(tuple(state.components[2:]))
     for name, field in found.items():
         if not _same(at_nodes(field, mesh, order), fields[name]):
             raise ValueError(f"{name} at the nodes is not what mesh and state give")
@@ -219,3 +305,59 @@ def _history(data):
         raise ValueError(f"its columns are not {', '.join(COLUMNS)}")
     types = [Row.__dataclass_fields__[name].type for name in rows[0]]
     return [Row(*(kind(text) for kind, text in zip(types, row, strict=True))) for row in rows[1:]]
+
+
+def _check_against_psi(result, summary):
+    """Refuse numbers, and a "converged", that ψ contradicts."""
+    scene, history, cost = result.scene, result.history, _cost_of(result)
+    kc = scene.fabric.stiffness
+
+    def same(value, found):
+        scale = ROUNDING * abs(found) + NO_STRAIN * result.area
+        return isfinite(found) and abs(value - found) <= scale
+
+    pairs = {"cost": (result.cost, cost)}
+    for name, unit in {"energy": kc, "area": 1, "converged": 1}.items():
+        if name in summary:
+            pairs[name] = summary[name] / unit, getattr(result, name) / unit
+    if result.converged and history:
+        unit = scene.copies * kc / scene.normalisation
+        pairs["energy of the last row"] = history[-1].energy, unit * cost
+    differing = [name for name, pair in pairs.items() if not same(*pair)]
+    if differing:
+        raise ValueError(f"its {', '.join(differing)} is not what ψ gives")
+    steps = history[-1].newton if history else 0
+    if not (result.newton_iterations >= steps >= 0 and 0 <= result.seconds < np.inf):
+        raise ValueError("its steps or seconds are not those of its history")
+    if result.converged and not (result.unfolded and _within_limits(result)):
+        raise ValueError("it is converged, and its ψ is folded or beyond a limit")
+
+
+def _within_limits(result):
+    """Whether all slacks are positive at the sampling points, up to rounding."""
+    points = result.state.space.mesh.MapToAllElements({ngs.ET.TRIG: _rule(result)}, ngs.VOL)
+    cloth, limits = _cloth(result), result.scene.constraints
+    values = [c.Compile()(points) for limit in limits for c in limit.slacks(cloth)]
+    return all(c.min() >= -ROUNDING * np.abs(c).max() for c in values)
+
+
+def _cloth(result):
+    surface, psi = result.scene.surface, result.state.components[:2]
+    return Kinematics(
+        gradient(*psi), surface.metric, result.scene.fabric, lambda: surface.curvature
+    )
+
+
+def _rule(result):
+    """The integration rule of the solve."""
+    return ngs.IntegrationRule(ngs.TRIG, 2 * ((result.settings["quadrature"] + 1) // 2))
+
+
+def _cost_of(result):
+    """`Result.cost`, from ψ."""
+    cloth, scene, fabric = _cloth(result), result.scene, result.scene.fabric
+    cost = fabric.energy(cloth.I4, cloth.I6, cloth.I8) if scene.cost is None else scene.cost(cloth)
+    integral = ngs.dx(intrules={ngs.ET.TRIG: _rule(result)})
+    return ngs.Integrate(
+        cloth.jacobian * cost / fabric.stiffness * integral, result.state.space.mesh
+    )

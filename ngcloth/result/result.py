@@ -200,6 +200,13 @@ class Result:
 
         save(self, folder)
 
+    def __reduce__(self):
+        # NGSolve's own pickles hold no checks, and need the same version.
+        from .load import restored
+        from .save import contents
+
+        return restored, (contents(self), self.scene if self.scene.recipe is None else None)
+
     def export_vtu(self, path):
         """Write the cloth with its fields for ParaView, see `ngcloth.fields.vtu`."""
         from ..output.fields import vtu

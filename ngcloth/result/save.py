@@ -2,10 +2,12 @@
 
 import csv
 import hashlib
+import io
 import json
 import os
 import platform
 import shutil
+from contextlib import contextmanager, suppress
 from dataclasses import astuple
 from pathlib import Path
 
@@ -15,6 +17,12 @@ import numpy as np
 from ..errors import InputError
 from ..problem.kinematics import Kinematics
 from .history import COLUMNS
+from .reading import is_plain
+
+try:
+    import fcntl
+except ImportError:  # not on Windows
+    fcntl = None
 
 FORMAT, VERSION = "ngcloth result", 1
 FILES = ("result.json", "history.csv", "scene.npz", "fields.npz")
@@ -44,37 +52,83 @@ def save(result, folder):
         Converged or not.
     folder : path
         Made with its parents. An empty folder, or one that holds nothing but a saved result, is
-        replaced; at any moment the old result or the new one is there, whole, for `load`.
+        replaced; at any moment the old result or the new one is there, whole, for `load`. Of
+        several processes that save to one folder, the last one's result stays.
 
     Raises
     ------
     InputError
-        If `folder` is something else, or cannot be made.
-    OSError
-        If a file in it cannot be written, for instance as the disk is full; it names the folder.
+        If `folder` is something else, or cannot be written: what was there is there still.
     """
-    target = checked_path(folder)
-    if target.exists():
-        _check_replaceable(target, folder)
-    new, previous = hidden(target, "new"), hidden(target, "previous")
+    target, files = checked_path(folder), contents(result)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.rmtree(new, ignore_errors=True)
-        new.mkdir()
+        with _workshop(hidden(target, "new")) as workshop:
+            _put(files, target, workshop / "result", folder)
     except OSError as error:
         raise InputError("folder", str(folder), f"a place to write to ({error})") from error
+
+
+def contents(result):
+    """What `save` writes, {name: bytes}, the checksums last."""
+    files = {
+        "result.json": json.dumps(_record(result), indent=2, ensure_ascii=False, default=_plain),
+        "history.csv": _table(result.history),
+        "scene.npz": _packed(**fingerprint(result.scene)),
+        "fields.npz": _packed(**_fields(result)),
+    }
+    files = {n: each.encode() if isinstance(each, str) else each for n, each in files.items()}
+    lines = [f"{checksum(files[name])}  {name}\n" for name in FILES]
+    return files | {CHECKSUMS: "".join(lines).encode()}
+
+
+@contextmanager
+def _workshop(folder):
+    """An empty folder that one save at a time has, and that is gone after it."""
+    handle = None
+    while handle is None:
+        with suppress(FileExistsError):
+            os.mkdir(folder)
+        if not fcntl:
+            break
+        handle = _locked(folder)
     try:
-        _write(result, new)
-        if target.exists():
-            shutil.rmtree(previous, ignore_errors=True)
-            os.rename(target, previous)
-        # Between these two lines `load` falls back on `previous`.
-        os.rename(new, target)
-        shutil.rmtree(previous, ignore_errors=True)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror or str(error), str(folder)) from error
+        shutil.rmtree(folder / "result", ignore_errors=True)
+        yield folder
     finally:
-        shutil.rmtree(new, ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)
+        if fcntl:
+            os.close(handle)
+
+
+def _locked(folder):
+    """A handle of the folder, locked until it is closed; None if the folder is gone meanwhile."""
+    try:
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    except FileNotFoundError:  # another save's, which has just ended
+        return None
+    with suppress(FileNotFoundError):
+        fcntl.flock(handle, fcntl.LOCK_EX)  # the system ends it with the process
+        if os.path.samestat(os.fstat(handle), os.lstat(folder)):
+            return handle
+    os.close(handle)
+    return None
+
+
+def _put(files, target, new, folder):
+    """Write files to the folder `new`, and put it in the place of `target`."""
+    if target.exists():
+        _check_replaceable(target, folder)
+    previous = hidden(target, "previous")
+    new.mkdir()
+    for name, data in files.items():
+        (new / name).write_bytes(data)
+    if target.exists():
+        shutil.rmtree(previous, ignore_errors=True)
+        os.rename(target, previous)
+    # Between these two lines `load` falls back on `previous`.
+    os.rename(new, target)
+    shutil.rmtree(previous, ignore_errors=True)
 
 
 def fingerprint(scene):
@@ -83,8 +137,9 @@ def fingerprint(scene):
     Returns
     -------
     dict of ndarray
-        "theta" (n, 2), the points; "position" (n, 3), φ; "start" (n, 2), ψ of the start; and
-        "cloth" (n, ...), energy density, reaction and all slacks of the start, sheared.
+        "theta" (n, 2), the points; "position" (n, 3), φ; "start" (n, 2), ψ of the start; "cloth"
+        (n, ...), energy density, reaction and all slacks of the start, sheared; and in scenes with
+        one, "cost" (n,) of the same. Files written before the latter was kept have none.
     """
     surface = scene.surface
     theta, start = surface.domain.sample(4), ngs.CF(scene.start_expression())
@@ -97,6 +152,8 @@ def fingerprint(scene):
     felt = [scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8), cloth.reaction]
     felt += [slack for limit in scene.constraints for slack in limit.slacks(cloth)]
     expressions = {"position": surface.position, "start": start, "cloth": ngs.CF(tuple(felt))}
+    if scene.cost is not None:
+        expressions["cost"] = scene.cost(cloth)
     values = {name: surface.evaluate(each, theta) for name, each in expressions.items()}
     return {"theta": theta} | values
 
@@ -146,35 +203,36 @@ def _check_replaceable(target, folder):
     allowed = "a new or empty folder, or one that holds a saved result and nothing else"
     if not target.is_dir():
         raise InputError("folder", str(folder), allowed)
-    names = {path.name for path in target.iterdir()}
-    others = sorted(names - {*FILES, CHECKSUMS}) or sorted(names)
-    if names and not {CHECKSUMS} <= names <= {*FILES, CHECKSUMS}:
-        raise InputError("folder", str(folder), f"{allowed}; here is {others[0]}")
+    here = sorted(target.iterdir())
+    others = [path for path in here if path.name not in (*FILES, CHECKSUMS) or not is_plain(path)]
+    if others or (here and target / CHECKSUMS not in here):
+        raise InputError("folder", str(folder), f"{allowed}; here is {(others or here)[0].name}")
 
 
-def _write(result, folder):
+def _table(history):
+    text = io.StringIO(newline="")
+    rows = csv.writer(text)
+    rows.writerow(COLUMNS)
+    rows.writerows(astuple(row) for row in history)
+    return text.getvalue()
+
+
+def _packed(**arrays):
+    file = io.BytesIO()
+    np.savez_compressed(file, **arrays)
+    return file.getvalue()
+
+
+def _fields(result):
     mesh, order = result.state.space.mesh, result.settings["order"]
-    with open(folder / "result.json", "w", encoding="utf-8") as file:
-        json.dump(_record(result), file, indent=2, ensure_ascii=False, default=_plain)
-    with open(folder / "history.csv", "w", encoding="utf-8", newline="") as file:
-        rows = csv.writer(file)
-        rows.writerow(COLUMNS)
-        rows.writerows(astuple(row) for row in result.history)
-    np.savez_compressed(folder / "scene.npz", **fingerprint(result.scene))
     names = {"psi": slice(0, 2), "eta": slice(2, 4)}
     fields = {"theta": ngs.CF((ngs.x, ngs.y))} | {
         name: ngs.CF(tuple(result.state.components[part]))
         for name, part in names.items()
         if result.state.components[part]
     }
-    np.savez_compressed(
-        folder / "fields.npz",
-        state=result.state.vec.FV().NumPy(),
-        **{name: at_nodes(field, mesh, order) for name, field in fields.items()},
-        **_triangulation(mesh.ngmesh),
-    )
-    lines = [f"{checksum((folder / name).read_bytes())}  {name}\n" for name in FILES]
-    (folder / CHECKSUMS).write_bytes("".join(lines).encode())
+    nodes = {name: at_nodes(field, mesh, order) for name, field in fields.items()}
+    return {"state": result.state.vec.FV().NumPy()} | nodes | _triangulation(mesh.ngmesh)
 
 
 def _triangulation(mesh):

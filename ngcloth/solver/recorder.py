@@ -1,6 +1,7 @@
 """Keeps the rows of a solve and its budget, for all loops."""
 
 import time
+import warnings
 
 import numpy as np
 
@@ -83,13 +84,16 @@ class Recorder:
         if self.log:
             self.log(str(row))
         if self._checkpoint and phase != "coarse":
-            self._checkpoint.write(self._state, self.rows, memory)
+            self._tried(self._checkpoint.write, self._state, self.rows, memory)
         if self._after_step and self._after_step():
             self._called_off = True
 
     def resume(self, problem):
         """Go on from the checkpoint, if there is one."""
-        found = self._checkpoint.read(problem.state.vec.size) if self._checkpoint else None
+        if not self._checkpoint:
+            return
+        slacks = problem.slacks().shape if problem.scene.in_equilibrium else ()
+        found = self._checkpoint.found(problem.state.vec.size, slacks)
         if found is None:
             return
         self.problem, (self._state, self.rows, self.memory) = problem, found
@@ -99,6 +103,21 @@ class Recorder:
         self._begin -= last.seconds
         if self.log:
             self.log(f"going on after {self.newton} Newton steps")
+
+    def forget(self):
+        """Delete the checkpoint: the solve has converged."""
+        if self._checkpoint:
+            self._tried(self._checkpoint.remove)
+
+    def _tried(self, action, *arguments):
+        """A full disk is no reason to lose a solve."""
+        try:
+            action(*arguments)
+        except OSError as error:
+            text = f"the solve goes on without its checkpoint ({error})"
+            warnings.warn(text, RuntimeWarning, stacklevel=2)
+            if self.log:
+                self.log(text)
 
     def restore(self):
         """Return to the last accepted step. Returns whether there is one."""

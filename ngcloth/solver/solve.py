@@ -11,6 +11,7 @@ from ..energy.closed_form import ClosedFormLagrangian
 from ..energy.lagrangian import Lagrangian
 from ..errors import InputError, SolveError, check_integer, check_number
 from ..problem.scene import Scene
+from ..result.alone import alone
 from ..result.history import Reason
 from ..result.result import Result
 from ..result.save import fingerprint
@@ -30,6 +31,7 @@ COARSER = 2**REFINEMENTS
 QUARTER_TURN = np.array([[0, 1], [-1, 0]])
 
 
+@alone
 def solve(
     scene,
     maxh=None,
@@ -98,6 +100,7 @@ def solve(
     checkpoint : path, optional
         A file that is replaced after each accepted step. A solve that is called again with the
         same arguments after it was cut off goes on from there, and deletes it once converged.
+        Where it cannot be written, a warning and the log say so, and the solve goes on.
     throw : bool, optional
         Raise `SolveError` instead of returning a result that has not converged.
 
@@ -109,9 +112,12 @@ def solve(
     Raises
     ------
     InputError
-        If a setting is unknown or out of bounds; before any mesh is made.
+        If a setting is unknown or out of bounds, or the checkpoint is another solve's; before any
+        mesh is made.
     SolveError
         If the solve did not converge and `throw` is set.
+    RuntimeError
+        In a process forked from one that has meshed already.
 
     Notes
     -----
@@ -121,6 +127,12 @@ def solve(
     says.
 
     Ctrl-C ends the solve with ``Reason.INTERRUPTED`` and the last accepted step.
+
+    NGSolve bears one solve at a time in a process: solves in several threads wait for each other
+    (a callback must not wait for another thread's solve), and a process forked after a solve
+    cannot solve. To solve several scenes at a time, start processes by "spawn", as with
+    ``ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn"))``; results and errors
+    come back by pickle, scenes go there if their charts, laws and limits are of a module.
     """
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "an ngcloth.Scene")
@@ -201,8 +213,8 @@ def solve(
     result = outcome(reason)
     if result.converged and not result.unfolded:
         result = outcome(Reason.FOLDED)
-    if checkpoint and result.converged:
-        checkpoint.remove()
+    if result.converged:
+        recorder.forget()
     if log:
         log(str(result.reason))
     if throw and not result.converged:
@@ -220,7 +232,7 @@ def minima(scene, starts, **settings):
     starts : sequence
         Values for `Scene.start`.
     **settings
-        For `solve`.
+        For `solve`, whose notes tell what threads and processes may do.
 
     Returns
     -------

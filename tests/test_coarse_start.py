@@ -104,6 +104,7 @@ def test_meshes_are_nested():
     """On a rectangle the finer mesh holds every patch of the coarser one."""
     scene = scenes.hemicatenoid(10.0)
     settings = {"maxh": 0.15, "order": 2, "quadrature": 6, "multiplier_order": 2}
+    settings["linearisation"] = "closed form"
     fine = solving._discretised(scene, settings | {"inverse": "umfpack"})
     coarse = solving._discretised(scene, settings | {"inverse": "umfpack", "maxh": 0.6})
     assert fine.fes.mesh.ne == 16 * coarse.fes.mesh.ne

@@ -1,0 +1,212 @@
+"""Surfaces without a formula: what those of CAD files and of facets have in common."""
+
+import numbers
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import ngsolve as ngs
+import numpy as np
+
+from ..errors import InputError, check_integer, check_number
+from ._kernel import lattice
+from .flatten import flatten
+from .sheet import Sheet
+from .topology import topology
+
+UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}  # in mm
+SHARP = 5.0  # degrees
+SURVEY = 12  # elements across, of the mesh that is looked at before anything is solved
+
+
+@dataclass(frozen=True)
+class Level:
+    """One triangulation of a surface in space, of a chain of refinements.
+
+    Attributes
+    ----------
+    vertices : ndarray, (n, 3)
+    triangles : ndarray of int, (m, 3)
+    parents : ndarray of int, (n, 2)
+        The vertices of the level before between which each vertex lies; those that were there
+        before come first.
+    names : dict
+        Names of edges, other than "rim", by their vertices in ascending order.
+    nodes : dict
+        By order, the nodes (m, nodes of a triangle, 3) of `lattice`, on the surface.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    parents: np.ndarray
+    names: dict
+    nodes: dict
+
+
+class FileSurface(ABC):
+    """A surface of disk shape, with or without holes, that a file describes.
+
+    Parameters
+    ----------
+    unit : {"mm", "cm", "m", "inch"}
+        What one unit of length is in all that is computed and exported.
+    side : {1, -1}
+        The cloth lies on the side to which the larger part of the faces looks, or on the other.
+
+    Attributes
+    ----------
+    box : ndarray, (2, 3)
+        Its corners, in this unit.
+    area : float
+    topology : Topology
+    sharp : float
+        Length of the edges inside at which the surface turns by more than 5°.
+    least_radius : float
+        Of curvature, over the nodes of a mesh of a twelfth of the size.
+
+    Raises
+    ------
+    InputError
+        If it is no disk with holes.
+    """
+
+    def __init__(self, unit, side):
+        if not isinstance(unit, str) or unit not in UNITS:
+            raise InputError("unit", unit, "one of " + ", ".join(map(repr, UNITS)))
+        if isinstance(side, bool) or not isinstance(side, numbers.Integral) or abs(side) != 1:
+            raise InputError("side", side, "1 or -1, the side to which the faces look or the other")
+        self.unit, self.side = unit, int(side)
+
+    @abstractmethod
+    def levels(self, maxh, orders, count):
+        """Triangulations of the surface, each a refinement of the one before, by halving edges.
+
+        Parameters
+        ----------
+        maxh : float
+            Largest element size on the first, in the unit of the surface.
+        orders : tuple of int
+            Of the nodes.
+        count : int
+
+        Returns
+        -------
+        list of Level
+        """
+
+    def sheets(self, maxh, order, coarser=0):
+        """Charts on planar meshes for a solve, the coarsest first.
+
+        Parameters
+        ----------
+        maxh : float
+            Largest element size on the last of them, in space, in the unit of the surface.
+        order : int
+            Of ψ, hence of the φ that the metric is of.
+        coarser : int, optional
+            How many meshes come before it, each of twice the element size of the next, which is
+            a refinement of it. Default 0.
+
+        Returns
+        -------
+        list of Sheet
+        """
+        maxh = check_number("maxh", maxh, 0, open_low=True)
+        order, coarser = check_integer("order", order, 1), check_integer("coarser", coarser, 0)
+        orders = (order, curvature_order(order))
+        levels = self.levels(maxh * 2**coarser, orders, coarser + 1)
+        return _sheets(levels, self.side)
+
+    def _survey(self, argument, value):
+        """Look at it on a coarse mesh, and refuse what is no disk."""
+        (level,) = self.levels(self.size / SURVEY, (2, 4), 1)
+        self.topology, turned = topology(level.triangles)
+        if self.topology.fault:
+            found = f"{self.topology.fault} (found: {self.topology})"
+            raise InputError(argument, value, f"a disk, with or without holes; this is {found}")
+        self.sharp = _sharp(level, turned)
+        (sheet,) = _sheets([level], self.side)
+        mean, gauss = sheet.mean_curvature, sheet.gauss_curvature
+        largest = ngs.sqrt(ngs.IfPos(mean**2 - gauss, mean**2 - gauss, 0)) + ngs.Norm(mean)
+        points = sheet.mesh.MapToAllElements(ngs.IntegrationRule(ngs.TRIG, 4), ngs.VOL)
+        self.least_radius = 1 / max(float(largest.Compile()(points).max()), 1e-300)
+        self.area = ngs.Integrate(
+            ngs.sqrt(ngs.Det(sheet.metric)) * ngs.dx(bonus_intorder=4), sheet.mesh
+        )
+
+    @property
+    def size(self):
+        """Length of the diagonal of the bounding box over √3."""
+        return float(np.linalg.norm(np.ptp(self.box, axis=0)) / np.sqrt(3))
+
+    def __str__(self):
+        lengths = " × ".join(f"{length:.4g}" for length in np.ptp(self.box, axis=0))
+        holes = len(self.topology.rims) - 1
+        flat = self.least_radius > 1e6 * self.size
+        lines = [
+            f"  size    {lengths} {self.unit}, area {self.area:.6g} {self.unit}²",
+            f"  rims    1 outside, {holes} around holes",
+            f"  edges   {self.sharp:.4g} {self.unit} sharper than {SHARP:g}°",
+            "  radius  " + ("flat" if flat else f"{self.least_radius:.3g} {self.unit} at least"),
+        ]
+        return "\n".join(lines)
+
+
+def curvature_order(order):
+    """The order of the φ that curvature is taken from, for one whose metric is of `order`.
+
+    Two higher at least, for second derivatives; and even, because curved elements of odd order have
+    poor curvature in Netgen.
+    """
+    order = max(order + 2, 4)
+    return order + order % 2
+
+
+def _sheets(levels, side):
+    """Charts on planar meshes, each a refinement of the one before; the coarsest is flattened."""
+    charts = []
+    for level in levels:
+        found, turned = topology(level.triangles)
+        if side == -1:
+            turned = ~turned
+        triangles = np.where(turned[:, None], level.triangles[:, [1, 0, 2]], level.triangles)
+        rims = [rim[::side] for rim in found.rims]
+        if charts:
+            new = level.parents[len(flat) :]
+            flat = np.concatenate([flat, flat[new].mean(axis=1)])
+        else:
+            flat = flatten(level.vertices, triangles, rims)
+        segments = np.concatenate([np.stack([rim, np.roll(rim, -1)], axis=-1) for rim in rims])
+        keys = map(tuple, np.sort(segments, axis=1).tolist())
+        names = np.array([level.names.get(key, "rim") for key in keys])
+        nodes = {order: _swapped(nodes, turned, order) for order, nodes in level.nodes.items()}
+        charts.append(Sheet(flat, triangles, segments, names, nodes))
+    return charts
+
+
+def _swapped(nodes, turned, order):
+    """The nodes of triangles, of which some have their first two corners swapped."""
+    points = np.rint(order * lattice(order)).astype(int).tolist()
+    number = {tuple(point): i for i, point in enumerate(points)}
+    swap = [number[j, i] for i, j in points]
+    return np.where(turned[:, None, None], nodes[:, swap], nodes)
+
+
+def _sharp(level, turned):
+    """Length of the edges between triangles whose normals differ by more than SHARP."""
+    order, triangles = max(level.nodes), level.triangles
+    exponents = np.rint(order * lattice(order)).astype(int)
+    i, j = exponents.T
+    values = lattice(order)[:, :1] ** i * lattice(order)[:, 1:] ** j
+    x, y = np.array([[0.5, 0.5], [0, 0.5], [0.5, 0]]).T[:, :, None]  # middles of the edges
+    along_x = i * x ** np.maximum(i - 1, 0) * y**j
+    along_y = j * x**i * y ** np.maximum(j - 1, 0)
+    tangents = [slope @ np.linalg.solve(values, level.nodes[order]) for slope in (along_x, along_y)]
+    normals = np.cross(*tangents) * np.where(turned, -1, 1)[:, None, None]
+    normals = (normals / np.linalg.norm(normals, axis=-1, keepdims=True)).reshape(-1, 3)
+    ends = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    order = np.lexsort(ends.T)
+    same = np.flatnonzero(np.all(ends[order[1:]] == ends[order[:-1]], axis=1))
+    one, two = order[same], order[same + 1]
+    sharp = np.sum(normals[one] * normals[two], axis=1) < np.cos(np.radians(SHARP))
+    begin, end = level.vertices[ends[one[sharp]].T]
+    return float(np.linalg.norm(end - begin, axis=1).sum())

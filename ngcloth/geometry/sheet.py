@@ -42,7 +42,7 @@ class Sheet:
     """
 
     def __init__(self, flat, triangles, segments, names, nodes):
-        self.mesh = _planar_mesh(flat, triangles, segments, names)
+        self.mesh = planar_mesh(flat, triangles, segments, names)
         lower, higher = min(nodes), max(nodes)
         self.position, tangents, _ = _chart(self.mesh, lower, nodes[lower])
         self.metric = _products(tangents)
@@ -60,7 +60,8 @@ def _products(tangents):
     return ngs.CF((first * first, first * second, first * second, second * second), dims=(2, 2))
 
 
-def _planar_mesh(flat, triangles, segments, names):
+def planar_mesh(flat, triangles, segments, names):
+    """The mesh of triangles in the plane, its edges `segments` named."""
     mesh = netgen.meshing.Mesh(dim=2)
     mesh.AddPoints(np.ascontiguousarray(flat, dtype=float))
     region = mesh.AddRegion("default", dim=2)

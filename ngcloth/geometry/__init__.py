@@ -1,4 +1,4 @@
 """What a file needs to become a surface: reading, orientation, flattening, curvature.
 
-Lies beside `problem`: knows its words, and no mesh of a solve.
+Knows no other room: it gives charts on planar meshes, and the rooms above make scenes of them.
 """

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from .file_surface import UNITS, FileSurface, Level
+from .file_surface import UNITS, FileSurface, Level, check_size
 from .process import KernelError, run
 
 ENDINGS = {
@@ -18,7 +18,6 @@ ENDINGS = {
     ".brep": ".brep",
     ".brp": ".brep",
 }  # the kernel reads but one spelling of each
-SMALLEST = 1e-2  # mm; the kernel takes points within 1e-7 mm for one
 GAP = 1e-5  # of the size; gaps as wide are closed, as between the loose faces of IGES files
 PATIENCE = 30.0, 3e-5  # seconds, and for each byte, in which a file is read or has no end
 MIRRORS = ("mirror1", "mirror2")
@@ -144,17 +143,14 @@ def from_cad(path, faces=None, unit="mm", side=1):
         numbers = _chosen(table, faces, path, unit)
         boxes = table["boxes"][numbers]
         box = np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
-        size = float(np.linalg.norm(np.ptp(box, axis=0)))
-        if size < SMALLEST:
-            allowed = f"at least {SMALLEST:g} mm large; it is {size:.2g} mm: scale it up in its CAD"
-            raise InputError("path", str(path), allowed)
+        check_size(box, "mm", "path", str(path))
         try:
             joined = run(
                 "join_faces",
                 folder,
                 faces=numbers,
                 edge_names=table["edge_names"],
-                tolerance=GAP * size,
+                tolerance=GAP * np.linalg.norm(np.ptp(box, axis=0)),
             )
         except KernelError as error:
             raise InputError("faces", numbers, f"faces that can be joined ({error})") from None

@@ -7,8 +7,8 @@ import numpy as np
 
 from ..errors import InputError, check_number
 from .cad import patience, read_bytes
-from .file_surface import FileSurface
-from .flatten import flatten
+from .file_surface import FileSurface, check_size
+from .flatten import FlatteningError, flatten
 from .jets import EXACT, Jets
 from .process import KernelError, run
 from .remesh import Remesher
@@ -46,6 +46,7 @@ class FacetSurface(FileSurface):
         super().__init__(unit, side)
         points, triangles = _checked(points, triangles, argument, value)
         self.box = np.array([points.min(axis=0), points.max(axis=0)])
+        check_size(self.box, unit, argument, value)
         found, turned = topology(triangles)
         if found.fault:
             allowed = f"a disk, with or without holes; this is {found.fault} (found: {found})"
@@ -64,7 +65,10 @@ class FacetSurface(FileSurface):
         self.rough = bool(self.noise > ROUGH * edge)
         reach = np.sqrt(jets.neighbours * areas.sum() / len(points) / np.pi)
         curves = RimCurves(points, found.rims, reach if self.noise > 1e-2 * ROUGH * edge else 0)
-        flat = flatten(points, triangles, found.rims)
+        try:
+            flat = flatten(points, triangles, found.rims)
+        except FlatteningError as error:
+            raise InputError(argument, value, f"a surface that can be laid flat; {error}") from None
         self._remesher = Remesher(points, triangles, flat, jets, curves)
         self._survey(argument, value)
 
@@ -130,10 +134,11 @@ def _checked(points, triangles, argument, value):
         triangles = np.asarray(triangles)
     except (TypeError, ValueError):
         raise InputError(argument, value, "numbers") from None
-    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
-        raise InputError(argument, value, f"points (n, 3); there are {points.shape}")
-    if triangles.ndim != 2 or triangles.shape[1] != 3 or not len(triangles):
-        raise InputError(argument, value, f"triangles (m, 3); there are {triangles.shape}")
+    for name, array in {"points": points, "triangles": triangles}.items():
+        if array.ndim != 2 or array.shape[1] != 3:
+            raise InputError(argument, value, f"{name} of shape (n, 3), not {array.shape}")
+        if not len(array):
+            raise InputError(argument, value, f"{name} of facets; there are none in it")
     if triangles.dtype.kind not in "iu":
         raise InputError(argument, value, "triangles of whole numbers")
     if triangles.min() < 0 or triangles.max() >= len(points):

@@ -9,12 +9,14 @@ import numpy as np
 
 from ..errors import InputError, check_integer, check_number
 from ._kernel import lattice
-from .flatten import flatten
+from .flatten import FlatteningError, corner_angles, flatten
 from .sheet import Sheet
 from .topology import topology
 
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}  # in mm
 SHARP = 5.0  # degrees
+SMALLEST = 1e-2  # mm; kernels take points within 1e-7 mm for one
+TUBE = 0.75 * np.pi  # least turning around a hole, of 2π in a plane; on a tube it is 0
 SURVEY = 12  # elements across, of the mesh that is looked at before anything is solved
 
 
@@ -87,6 +89,7 @@ class FileSurface(ABC):
         orders : tuple of int
             Of the nodes.
         count : int
+            How many.
 
         Returns
         -------
@@ -120,11 +123,15 @@ class FileSurface(ABC):
         """Look at it on a coarse mesh, and refuse what is no disk."""
         (level,) = self.levels(self.size / SURVEY, (2, 4), 1)
         self.topology, turned = topology(level.triangles)
-        if self.topology.fault:
-            found = f"{self.topology.fault} (found: {self.topology})"
+        fault = self.topology.fault or _tube(level, self.topology.rims)
+        if fault:
+            found = f"{fault} (found: {self.topology})"
             raise InputError(argument, value, f"a disk, with or without holes; this is {found}")
         self.sharp = _sharp(level, turned)
-        (sheet,) = _sheets([level], self.side)
+        try:
+            (sheet,) = _sheets([level], self.side)
+        except FlatteningError as error:
+            raise InputError(argument, value, f"a surface that can be laid flat; {error}") from None
         mean, gauss = sheet.mean_curvature, sheet.gauss_curvature
         largest = ngs.sqrt(ngs.IfPos(mean**2 - gauss, mean**2 - gauss, 0)) + ngs.Norm(mean)
         points = sheet.mesh.MapToAllElements(ngs.IntegrationRule(ngs.TRIG, 4), ngs.VOL)
@@ -163,7 +170,7 @@ def curvature_order(order):
 
 def _sheets(levels, side):
     """Charts on planar meshes, each a refinement of the one before; the coarsest is flattened."""
-    charts = []
+    charts, flat = [], None
     for level in levels:
         found, turned = topology(level.triangles)
         if side == -1:
@@ -189,6 +196,27 @@ def _swapped(nodes, turned, order):
     number = {tuple(point): i for i, point in enumerate(points)}
     swap = [number[j, i] for i, j in points]
     return np.where(turned[:, None, None], nodes[:, swap], nodes)
+
+
+def _tube(level, rims):
+    """What is wrong with a surface of two rims of which neither goes around a hole; or None.
+
+    The geodesic curvature of the rim of a hole adds up to −2π in a plane, and to 0 on a tube.
+    """
+    angles = corner_angles(level.vertices, level.triangles)
+    sums = np.bincount(level.triangles.ravel(), angles.ravel(), len(level.vertices))
+    turning = sorted(float(np.sum(np.pi - sums[rim])) for rim in rims)
+    if len(rims) > 1 and turning[-2] > -TUBE:
+        return "a tube; cut it open from rim to rim"
+    return None
+
+
+def check_size(box, unit, argument, value):
+    """Refuse what is too small to be a part that cloth covers."""
+    size = float(np.linalg.norm(np.ptp(box, axis=0)))
+    if size * UNITS[unit] < SMALLEST:
+        allowed = f"at least {SMALLEST:g} mm large; it is {size:.2g} {unit}: is that its unit?"
+        raise InputError(argument, value, allowed)
 
 
 def _sharp(level, turned):

@@ -7,12 +7,17 @@ from scipy.sparse.linalg import splu
 ITERATIONS = 30  # as-rigid-as-possible; the flat copy is a chart and a start, not an answer
 
 
+class FlatteningError(Exception):
+    """Triangles so thin that rounding flips them in the plane."""
+
+
 def flatten(points, triangles, rims):
     """Lay a surface of disk shape in the plane, without flips and without overlap.
 
     Parameters
     ----------
     points : ndarray, (n, 3)
+        Vertices.
     triangles : ndarray of int, (m, 3)
         All oriented alike.
     rims : list of ndarray
@@ -23,12 +28,17 @@ def flatten(points, triangles, rims):
     ndarray, (n, 2)
         Where each point goes. Triangles are counter-clockwise; as far as that can be, lengths are
         kept, and the first coordinate runs along the x axis of space.
+
+    Raises
+    ------
+    FlatteningError
+        If rounding flips triangles.
     """
     lengths = [np.linalg.norm(np.roll(points[r], -1, axis=0) - points[r], axis=1) for r in rims]
     outer = int(np.argmax([length.sum() for length in lengths]))
     filled, covered = points, triangles
     for number, rim in enumerate(rims):
-        if number != outer:  # holes are filled by a fan: convex outline, hence no flips
+        if number != outer:  # Tutte's theorem is for disks without holes: fill them
             covered = np.concatenate([covered, _fan(rim, len(filled))])
             filled = np.concatenate([filled, points[rim].mean(axis=0)[None]])
     tutte = _tutte(filled, covered, rims[outer], lengths[outer])[: len(points)]
@@ -36,6 +46,8 @@ def flatten(points, triangles, rims):
     flat = _as_rigid_as_possible(points, triangles, tutte)
     if not is_embedding(flat, triangles, rims):
         flat = tutte
+        if not is_embedding(flat, triangles, rims):
+            raise FlatteningError("its triangles, laid flat, overlap by rounding; refine or repair")
     return _turned(points, triangles, flat)
 
 
@@ -56,7 +68,7 @@ def _tutte(points, triangles, rim, lengths):
     """
     angle = 2 * np.pi * np.cumsum(lengths) / lengths.sum()
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    angles = _angles(points, triangles)
+    angles = corner_angles(points, triangles)
     rows, columns, weights = [], [], []
     for i in range(3):
         here = triangles[:, i]
@@ -81,7 +93,7 @@ def _tutte(points, triangles, rim, lengths):
 def _as_rigid_as_possible(points, triangles, flat):
     """Least squares of the change of edges under the best rotation of each triangle, by turns."""
     n, corners = len(points), _corners(points, triangles)
-    cotangents = 1 / np.tan(_angles(points, triangles))
+    cotangents = 1 / np.tan(corner_angles(points, triangles))
     rows, columns, weights = [], [], []
     for i in range(3):
         for here, there in ((i - 2, i - 1), (i - 1, i - 2)):
@@ -144,7 +156,7 @@ def _corners(points, triangles):
     return np.stack([zero, zero, along, zero, x, y], axis=-1).reshape(-1, 3, 2)
 
 
-def _angles(points, triangles):
+def corner_angles(points, triangles):
     """The angles (m, 3) of the triangles; needles are taken a little thicker than they are."""
     angles = []
     for i in range(3):

@@ -9,7 +9,11 @@ from scipy.spatial import cKDTree
 
 from ._kernel import lattice
 from .file_surface import Level
+from .flatten import gradients
 from .sheet import planar_mesh
+
+FINER = 0.8  # of the usual element size in the flat copy, where facets are stretched
+RESTRICTED = 1000  # places where the mesher is told so
 
 
 @dataclass(frozen=True)
@@ -62,8 +66,10 @@ class Remesher:
         self._mesh = planar_mesh(flat, triangles, none, np.zeros(0, dtype=str))
         self._place = ngs.GridFunction(ngs.H1(self._mesh, order=1, dim=3))
         self._place.vec.FV().NumPy()[:] = points.ravel()
-        across = [np.cross(*np.diff(x[triangles], axis=1).swapaxes(0, 1)) for x in (flat, points)]
-        self._scale = np.sqrt(across[0].sum() / np.linalg.norm(across[1], axis=1).sum())
+        slopes = gradients(points, triangles, flat)
+        stretch = np.linalg.svd(slopes, compute_uv=False)
+        self._middles, self._stretch = flat[triangles].mean(axis=1), stretch[:, 0]
+        self._shrunk = 1 / np.sqrt(np.mean(stretch.prod(axis=1)))
 
     def levels(self, maxh, orders, count):
         """As `FileSurface.levels`."""
@@ -94,7 +100,11 @@ class Remesher:
             outline += [corners, np.roll(corners, -1, axis=0)]
         begin, end = np.concatenate(outline[::2]), np.concatenate(outline[1::2])
 
-        mesh = geometry.GenerateMesh(maxh=maxh * self._scale)
+        size = maxh / self._stretch
+        small = np.flatnonzero(size < FINER * maxh * self._shrunk)
+        for i in small[:: len(small) // RESTRICTED + 1]:
+            geometry.RestrictH((*self._middles[i], 0), size[i])
+        mesh = geometry.GenerateMesh(maxh=maxh * self._shrunk)
         flat = np.array(mesh.Coordinates())
         triangles = mesh.Elements2D().NumPy()["nodes"][:, :3].astype(int) - 1
         segments = mesh.Elements1D().NumPy()

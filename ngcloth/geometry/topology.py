@@ -72,6 +72,7 @@ def topology(triangles):
     Parameters
     ----------
     triangles : ndarray of int, (n, 3)
+        By the numbers of their vertices.
 
     Returns
     -------
@@ -116,6 +117,8 @@ def _turned(n, one, two, alike):
     for first in np.unique(part, return_index=True)[1]:
         order, before = breadth_first_order(graph, first, directed=False)
         order, before = order[1:], before[order[1:]]
+        if not len(order):
+            continue
         against = np.asarray(graph[order, before]).reshape(-1) == 2
         for here, there, other in zip(order, before, against, strict=True):
             turned[here] = turned[there] ^ other
@@ -160,7 +163,9 @@ def clean(points, triangles):
     Parameters
     ----------
     points : ndarray, (n, 3)
+        Vertices.
     triangles : ndarray of int, (m, 3)
+        By the numbers of their vertices.
 
     Returns
     -------

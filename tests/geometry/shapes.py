@@ -1,0 +1,85 @@
+"""Parts to be read back: CAD by netgen.occ, facets by formula."""
+
+import numpy as np
+from netgen.occ import ArcOfCircle, Axis, Box, MoveTo, Pnt, Segment, Sphere, Wire, Z
+
+
+def hemisphere():
+    half = Sphere(Pnt(0, 0, 0), 1) - Box(Pnt(-2, -2, -2), Pnt(2, 2, 0))
+    half.faces.Max(Z).name = "dome"
+    return half
+
+
+def octant():
+    part = Sphere(Pnt(0, 0, 0), 1) * Box(Pnt(0, 0, 0), Pnt(2, 2, 2))
+    dome = max(part.faces, key=lambda face: face.mass)
+    dome.name = "dome"
+    for edge in dome.edges:
+        if abs(edge.center[0]) < 1e-9:
+            edge.name = "mirror1"
+        elif abs(edge.center[1]) < 1e-9:
+            edge.name = "mirror2"
+    return part
+
+
+def hat(slope=np.pi / 4, fillet=0.3, flange=0.4):
+    """A dome of radius 1, a fillet and a flat flange, three faces that join smoothly.
+
+    Returns the shape, its area, and the least radius of curvature.
+    """
+    sine, cosine = np.sin(slope), np.cos(slope)
+    r1, z1 = sine, cosine  # where the dome ends
+    centre = np.array([r1 + fillet * sine, z1 + fillet * cosine])
+    r2, z2 = centre[0], centre[1] - fillet
+    middle = centre - fillet * np.array([np.sin(slope / 2), np.cos(slope / 2)])
+    top = np.array([np.sin(slope / 2), np.cos(slope / 2)])
+    at = [Pnt(r, 0, z) for r, z in ((0, 1), top, (r1, z1), middle, (r2, z2), (r2 + flange, z2))]
+    profile = Wire([ArcOfCircle(*at[:3]), ArcOfCircle(*at[2:5]), Segment(at[4], at[5])])
+    part = profile.Revolve(Axis((0, 0, 0), Z), 360)
+    dome = 2 * np.pi * (1 - cosine)
+    torus = 2 * np.pi * fillet * (centre[0] * slope - fillet * (1 - cosine))
+    return part, dome + torus + np.pi * ((r2 + flange) ** 2 - r2**2), fillet
+
+
+def panel_with_hole():
+    return MoveTo(0, 0).Rectangle(3, 2).Face() - MoveTo(1, 1).Circle(0.4).Face()
+
+
+def facets(rings, noise=0.0, hole=0):
+    """A unit hemisphere, or without its `hole` first rings, on which vertices lie irregularly."""
+    random = np.random.default_rng(1)
+    points, around, triangles = [(0.0, 0.0, 1.0)], [[0]], []
+    for i in range(1, rings + 1):
+        off = 0.25 * (random.random((6 * i, 2)) - 0.5)
+        polar = np.pi / 2 * (i + off[:, 0] * (i < rings)) / rings
+        angle = 2 * np.pi * (np.arange(6 * i) + off[:, 1]) / (6 * i)
+        around.append(list(range(len(points), len(points) + 6 * i)))
+        points += zip(
+            np.sin(polar) * np.cos(angle), np.sin(polar) * np.sin(angle), np.cos(polar), strict=True
+        )
+        inner, outer = around[-2:]
+        for j in range(6 * i):
+            here = (j // i) * (i - 1) + j % i
+            a, b, c = inner[here % len(inner)], outer[j], outer[(j + 1) % (6 * i)]
+            triangles.append((a, b, c))
+            if j % i < i - 1:
+                triangles.append((a, c, inner[(here + 1) % len(inner)]))
+    points = np.array(points) * (1 + noise * random.standard_normal(len(points)))[:, None]
+    return points, np.array(triangles[6 * hole**2 :])
+
+
+def tube(height, top=1.0, n=60, m=20):
+    z, angle = np.linspace(0, height, m + 1), 2 * np.pi * np.arange(n) / n
+    radius = 1 + (top - 1) * z / height
+    points = np.stack(
+        [
+            np.outer(radius, np.cos(angle)),
+            np.outer(radius, np.sin(angle)),
+            np.outer(z, 0 * angle + 1),
+        ],
+        axis=-1,
+    )
+    i, j = np.meshgrid(range(m), range(n), indexing="ij")
+    a, b = i * n + j, i * n + (j + 1) % n
+    triangles = [np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, b, b + n), (a, b + n, a + n))]
+    return points.reshape(-1, 3), np.concatenate(triangles)

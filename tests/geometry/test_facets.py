@@ -1,0 +1,147 @@
+"""Surfaces from facets: exact and noisy hemispheres, every format, and bad files."""
+
+import ngsolve as ngs
+import numpy as np
+import pytest
+import pyvista
+import shapes
+
+from ngcloth.errors import InputError
+from ngcloth.geometry.facets import from_mesh
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return from_mesh(shapes.facets(20))
+
+
+def integral(sheet, density, rule=ngs.dx):
+    return ngs.Integrate(ngs.CF(density) * rule(bonus_intorder=10), sheet.mesh)
+
+
+def rms(sheet, error):
+    area = ngs.sqrt(ngs.Det(sheet.metric))
+    return np.sqrt(integral(sheet, area * error**2) / integral(sheet, area))
+
+
+def saved(path, points, triangles):
+    faces = np.column_stack([np.full(len(triangles), 3), triangles])
+    mesh = pyvista.PolyData(points, faces)
+    (mesh.cast_to_unstructured_grid() if path.suffix == ".vtu" else mesh).save(path)
+
+
+@pytest.mark.parametrize("size", [0.3, 0.15])
+def test_the_mesh_does_not_depend_on_the_facets(exact, size):
+    """2400 facets are in error by 1e-3; on meshes coarser than they, the sphere comes back."""
+    coarse, sheet = exact.sheets(size, order=2, coarser=1)
+    assert sheet.mesh.ne == 4 * coarse.mesh.ne
+    scale = (size / 0.3) ** 3
+    assert rms(sheet, ngs.Norm(sheet.position) - 1) < 3e-4 * scale
+    assert rms(sheet, ngs.Norm(sheet.normal - sheet.position)) < 3e-3 * scale
+    assert rms(sheet, sheet.mean_curvature + 1) < 2e-2 * scale**0.5
+    area = integral(sheet, ngs.sqrt(ngs.Det(sheet.metric)))
+    assert area == pytest.approx(2 * np.pi, rel=1e-3 * scale)
+    on_rim = integral(sheet, sheet.position[2] ** 2, ngs.ds) ** 0.5
+    assert on_rim < 1e-3 * scale
+    assert exact.noise < 1e-6 and not exact.rough and "no" in str(exact)
+
+
+def test_noise_is_estimated_and_smoothed():
+    scan = from_mesh(shapes.facets(28, noise=1e-3))
+    assert scan.noise == pytest.approx(1e-3, rel=0.1)
+    assert not scan.rough and scan.curvature_error < 0.03
+    (sheet,) = scan.sheets(0.15, order=2)
+    assert rms(sheet, sheet.mean_curvature + 1) < 5e-2
+    assert rms(sheet, ngs.Norm(sheet.position) - 1) < 3e-4
+    raw = from_mesh(shapes.facets(28, noise=1e-3), smoothing=0)
+    (sheet,) = raw.sheets(0.15, order=2)
+    assert rms(sheet, sheet.mean_curvature + 1) > 0.1
+
+
+def test_too_much_noise_for_curvature_is_told():
+    scan = from_mesh(shapes.facets(16, noise=1e-2))
+    assert scan.rough and "too much for curvature" in str(scan)
+    assert scan.noise == pytest.approx(1e-2, rel=0.15)
+
+
+@pytest.mark.parametrize("ending", [".stl", ".obj", ".ply", ".vtp", ".vtu", ".STL"])
+def test_every_format(tmp_path, ending):
+    points, triangles = shapes.facets(9)
+    saved(tmp_path / ("part" + ending.lower()), points, triangles)
+    (tmp_path / ("part" + ending.lower())).rename(tmp_path / ("part" + ending))
+    part = from_mesh(tmp_path / ("part" + ending), unit="cm")
+    assert len(part.points) == len(points) and len(part.triangles) == len(triangles)
+    assert part.area == pytest.approx(2 * np.pi, rel=1e-4)
+    assert "cm" in str(part)
+
+
+def test_side_and_mixed_orientation():
+    points, triangles = shapes.facets(9)
+    triangles[::3] = triangles[::3][:, [1, 0, 2]]
+    for side in (1, -1):
+        (sheet,) = from_mesh((points, triangles), side=side).sheets(0.3, order=2)
+        assert rms(sheet, ngs.Norm(sheet.normal - side * sheet.position)) < 1e-2
+
+
+def test_a_hole_and_corners_of_the_rim():
+    part = from_mesh(shapes.facets(16, hole=4))
+    polar = np.pi / 8
+    (sheet,) = part.sheets(0.2, order=3)
+    along = ngs.specialcf.tangential(2)
+    length = ngs.sqrt(ngs.InnerProduct(sheet.metric * along, along))
+    low = integral(sheet, length * ngs.IfPos(sheet.position[2] - 0.4, 0, 1), ngs.ds)
+    assert low == pytest.approx(2 * np.pi, rel=1e-3)
+    assert len(part.topology.rims) == 2 and part.area == pytest.approx(
+        2 * np.pi * np.cos(polar), rel=1e-2
+    )
+    # A quarter of a cylinder: its rim has four corners, and they stay.
+    angle, z = np.meshgrid(np.linspace(0, np.pi / 2, 21), np.linspace(0, 2, 21), indexing="ij")
+    grid = pyvista.StructuredGrid(np.cos(angle), np.sin(angle), z)
+    sheet = grid.extract_surface(algorithm=None).triangulate()
+    part = from_mesh((np.array(sheet.points, dtype=float), sheet.regular_faces))
+    (chart,) = part.sheets(0.3, order=3)
+    vertices = np.array([chart.position(chart.mesh(*v.point)) for v in chart.mesh.vertices])
+    for corner in ((1, 0, 0), (0, 1, 0), (1, 0, 2), (0, 1, 2)):
+        assert np.linalg.norm(vertices - corner, axis=1).min() < 1e-5
+    assert part.area == pytest.approx(np.pi, rel=1e-4)
+
+
+def broken(change):
+    points, triangles = shapes.facets(9)
+    return change(points, triangles)
+
+
+@pytest.mark.parametrize(
+    ("source", "said"),
+    [
+        (broken(lambda p, t: (np.where(p > 0.999, np.nan, p), t)), "finite points"),
+        (broken(lambda p, t: (p, t + 1)), "numbers from 0 to"),
+        (broken(lambda p, t: (p, t[:4])), "at least 36 vertices"),
+        (broken(lambda p, t: (p[:, :2], t)), "points of shape"),
+        (broken(lambda p, t: (p, t[:0])), "none in it"),
+        (broken(lambda p, t: (p, 1.0 * t)), "whole numbers"),
+        (broken(lambda p, t: (0 * p, t)), "all points are one"),
+        (broken(lambda p, t: (1e-6 * p, t)), "is that its unit"),
+        (broken(lambda p, t: (np.vstack([p, p + 5]), np.vstack([t, t + len(p)]))), "2 loose parts"),
+        (broken(lambda p, t: (np.vstack([p, -p]), np.vstack([t, t + len(p)]))), "closed|loose"),
+        (shapes.tube(0.2), "a tube; cut it open"),
+        (shapes.tube(3.0), "a tube; cut it open"),
+        ((1, 2, 3), "a pair of points and triangles"),
+    ],
+)
+def test_refused_facets(source, said):
+    with pytest.raises(InputError, match=said):
+        from_mesh(source)
+
+
+@pytest.mark.parametrize("ending", [".stl", ".obj", ".ply", ".vtp", ".vtu"])
+def test_refused_files(tmp_path, ending):
+    path = tmp_path / f"part{ending}"
+    with pytest.raises(InputError, match="No such file"):
+        from_mesh(path)
+    saved(path, *shapes.facets(9))
+    data = path.read_bytes()
+    for content in (b"", data[: len(data) // 3], bytes(range(256)) * 8):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match="path"):  # some bring down the reader
+            from_mesh(path)

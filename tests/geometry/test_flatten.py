@@ -51,7 +51,7 @@ def test_holes_stay_open():
     assert found.fault is None and (found.euler, len(found.rims)) == (0, 2)
     flat = flatten(points, triangles, found.rims)
     assert is_embedding(flat, triangles, found.rims)
-    inner, outer = sorted((np.ptp(flat[rim], axis=0).mean() for rim in found.rims))
+    inner, outer = sorted(np.ptp(flat[rim], axis=0).mean() for rim in found.rims)
     assert 0.2 < inner / outer < 0.5
 
 

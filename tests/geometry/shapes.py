@@ -83,3 +83,39 @@ def tube(height, top=1.0, n=60, m=20):
     a, b = i * n + j, i * n + (j + 1) % n
     triangles = [np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, b, b + n), (a, b + n, a + n))]
     return points.reshape(-1, 3), np.concatenate(triangles)
+
+
+def write_iges(path):
+    """Half of a cylinder of radius 1 and height 2, in two NURBS surfaces that share nothing.
+
+    Written by hand, as no kernel here does.
+    """
+    header = (
+        "1H,,1H;,4Hpart,8Hpart.igs,4Htest,1H1,32,38,6,308,15,4Hpart,1.0,2,2HMM,1,0.01,"
+        "15H20240101.000000,1E-7,10.0,4Hnone,4Hnone,11,0,15H20240101.000000;"
+    )
+    sections = {"S": ["half of a cylinder"], "G": [header[:72], header[72:]], "D": [], "P": []}
+    for number, turn in enumerate((0, np.pi / 2)):
+        c, s = np.cos(turn), np.sin(turn)
+        arc = [(c * x - s * y, s * x + c * y) for x, y in ((1, 0), (1, 1), (0, 1))]
+        poles = [coordinate for z in (0, 2) for x, y in arc for coordinate in (x, y, z)]
+        knots, weights = [0, 0, 0, 1, 1, 1, 0, 0, 1, 1], [1, 0.5**0.5, 1] * 2
+        numbers = [*knots, *weights, *poles, 0, 1, 0, 1]
+        data = "128,2,1,2,1,0,0,0,0,0," + ",".join(repr(float(n)) for n in numbers) + ";"
+        first = len(sections["P"]) + 1
+        while data:
+            cut = len(data) if len(data) <= 64 else data[:64].rindex(",") + 1
+            sections["P"].append(f"{data[:cut]:<64}{2 * number + 1:8d}")
+            data = data[cut:]
+        lines = len(sections["P"]) + 1 - first
+        sections["D"] += [
+            f"{128:8d}{first:8d}" + f"{0:8d}" * 6 + "00000000",
+            f"{128:8d}{0:8d}{0:8d}{lines:8d}{0:8d}" + " " * 24 + f"{0:8d}",
+        ]
+    rows = [
+        f"{text:<72}{letter}{row:7d}"
+        for letter, texts in sections.items()
+        for row, text in enumerate(texts, start=1)
+    ]
+    counts = "".join(f"{letter}{len(texts):7d}" for letter, texts in sections.items())
+    path.write_text("\n".join([*rows, f"{counts:<72}T{1:7d}"]) + "\n")

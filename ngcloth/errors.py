@@ -1,8 +1,7 @@
 """The two ways ngcloth says no."""
 
+import math
 import numbers
-
-import numpy as np
 
 
 class InputError(ValueError):
@@ -51,13 +50,17 @@ def check_number(argument, value, low=None, high=None, *, open_low=False, open_h
         if part
     )
     allowed = f"a finite number, {interval}" if (low, high) != (None, None) else "a finite number"
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not np.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise InputError(argument, value, allowed)
-    too_low = low is not None and (value < low or (open_low and value == low))
-    too_high = high is not None and (value > high or (open_high and value == high))
-    if too_low or too_high:
+    try:
+        number = float(value)
+    except OverflowError:  # an integer or a fraction that no float holds
+        number = math.inf
+    too_low = low is not None and (number < low or (open_low and number == low))
+    too_high = high is not None and (number > high or (open_high and number == high))
+    if too_low or too_high or not math.isfinite(number):
         raise InputError(argument, value, allowed)
-    return float(value)
+    return number
 
 
 def check_integer(argument, value, low):

@@ -8,9 +8,17 @@ import numpy as np
 from netgen.meshing import NgException
 
 from ..errors import InputError, check_number
+from . import returned
 from .fabric import Net
 from .kinematics import Kinematics
+from .smoothness import Lattice
+from .states import MIRRORS, SAME, States
 from .surface import Surface
+
+STIFFNESSES = 1e-30, 1e30  # squares of ratios do not overflow
+OFF = 1e6  # energies over stiffness are within
+UNDEFORMED, STRETCHED = (1.0, 1.0, 0.0), ((1.21, 1.0, 0.0), (1.0, 1.21, 0.0), (1.0, 1.0, 0.3))
+SPARSE = 5  # of the points of the lattice, where a metric is compared with its mirror image
 
 
 @dataclass(frozen=True)
@@ -79,7 +87,7 @@ class Scene:
             raise InputError(
                 "fabric", self.fabric, "an ngcloth.Net, or an object with its `energy`"
             )
-        check_number("fabric.stiffness", getattr(self.fabric, "stiffness", None), 0, open_low=True)
+        check_number("fabric.stiffness", returned.stiffness(self.fabric), *STIFFNESSES)
         try:
             object.__setattr__(self, "constraints", tuple(self.constraints))
         except TypeError:
@@ -98,7 +106,13 @@ class Scene:
         check_number("tie_break", self.tie_break, 0, 1)
         if self.tie_break and self.in_equilibrium:
             raise InputError("tie_break", self.tie_break, "0 with constraints or a cost")
-        self._check_start()
+        slopes = self._check_start()
+        if self.symmetric:
+            self._check_mirrors()
+        states = States(self, slopes)
+        states.check_derivatives()
+        if self.symmetric:
+            states.check_mirrors()
 
     @property
     def in_equilibrium(self):
@@ -124,12 +138,8 @@ class Scene:
         """The first guess, a pair of NGSolve expressions of x = θ1, y = θ2, zero at the centre."""
         start = self.start
         if callable(start):
-            try:
-                psi = ngs.CF(tuple(start(ngs.x, ngs.y)))
-            except (TypeError, ValueError, NgException) as error:
-                raise InputError("start", start, f"two components of ψ ({error})") from error
-            if tuple(psi.dims) != (2,):
-                raise InputError("start", start, f"two components of ψ, not {tuple(psi.dims)}")
+            told = "start", start, "start(θ1, θ2)", "two components of ψ"
+            psi = returned.vector(*told, 2, start)
         else:
             if start is None:
                 metric = self.surface.evaluate(self.surface.metric, self.surface.domain.sample())
@@ -139,19 +149,54 @@ class Scene:
         return psi[0] - float(at_centre[0]), psi[1] - float(at_centre[1])
 
     def _check_energy(self):
-        undeformed = [ngs.Parameter(value) for value in (1.0, 1.0, 0.0)]
+        """The fabric's energy is finite near the undeformed cloth, and of the size it says."""
+        fabric, stiffness = self.fabric, float(self.fabric.stiffness)
+        invariants = [ngs.Parameter(value) for value in (1.0, 1.0, 0.0)]
+        energy = returned.energy(fabric, *invariants)
         try:
-            energy = self.fabric.energy(*undeformed)
-            if not isinstance(energy, ngs.CoefficientFunction) or energy.dim != 1:
-                raise TypeError(f"not {type(energy).__name__}")
-            stress = ngs.CF((energy, *(energy.Diff(invariant) for invariant in undeformed)))
-        except (TypeError, ValueError, AttributeError, NgException) as error:
+            stress = ngs.CF((energy, *(energy.Diff(invariant) for invariant in invariants)))
+        except NgException as error:
             text = " ".join(str(error).split())
-            allowed = f"`energy(I4, I6, I8)` must be one scalar expression of NGSolve ({text})"
-            raise InputError("fabric", self.fabric, allowed) from error
-        if not np.isfinite(self.surface.evaluate(stress, self.surface.domain.centre)).all():
+            allowed = f"`energy(I4, I6, I8)` must have derivatives ({text})"
+            raise InputError("fabric", fabric, allowed) from error
+        points = self.surface.domain.sample(5)
+        values = []
+        for state in UNDEFORMED, *STRETCHED:
+            for invariant, value in zip(invariants, state, strict=True):
+                invariant.Set(value)
+            values.append(self.surface.evaluate(stress, points))
+        if not np.isfinite(values[0]).all():
             allowed = "energy and derivatives must be finite at I4 = I6 = 1, I8 = 0"
-            raise InputError("fabric", self.fabric, allowed)
+            raise InputError("fabric", fabric, allowed)
+        gained = np.abs(np.array(values)[1:, :, 0] - values[0][:, 0]) / stiffness
+        gained = np.nanmax(np.where(np.isfinite(gained), gained, np.nan), axis=1, initial=0.0)
+        if not (gained.max() > 1 / OFF and gained[:2].max() < OFF):
+            allowed = (
+                f"about the stiffness of its threads: `{type(fabric).__name__}.energy` in threads "
+                f"10 % longer is {gained[:2].max():.1e} of it, with shear {gained.max():.1e}"
+            )
+            raise InputError("fabric.stiffness", fabric.stiffness, allowed)
+
+    def _check_mirrors(self):
+        """The domain and the metric of the surface have the mirror symmetry of the scene."""
+        surface, domain = self.surface, self.surface.domain
+        points = Lattice(domain).points[::SPARSE]
+        metric = surface.evaluate(surface.metric, points)
+        size = np.trace(metric, axis1=1, axis2=2)[:, None, None]
+        for axis, mirror in enumerate(MIRRORS):
+            image = points.copy()
+            image[:, axis] = 2 * domain.centre[axis] - image[:, axis]
+            within = domain.contains(image)
+            there = mirror @ surface.evaluate(surface.metric, image) @ mirror
+            wrong = ~within | (np.abs(metric - there) > SAME * size).any(axis=(1, 2))
+            if wrong.any():
+                where = tuple(float(t) for t in points[np.argmax(wrong)])
+                allowed = (
+                    "with the mirror symmetry of the scene: its metric a at the mirror image "
+                    f"across θ{axis + 1} = {domain.centre[axis]:.4g} must be the mirror image of "
+                    f"a; not so at θ = {where}"
+                )
+                raise InputError("surface", surface, allowed)
 
     def _check_start(self):
         if self.start is not None and not callable(self.start):
@@ -160,8 +205,10 @@ class Scene:
             for factor in self.start:
                 check_number("start", factor)
         psi1, psi2 = self.start_expression()
-        slopes = [psi.Diff(theta) for psi in (psi1, psi2) for theta in (ngs.x, ngs.y)]
-        cloth = Kinematics(ngs.CF(tuple(slopes), dims=(2, 2)), self.surface.metric)
+        slopes = ngs.CF(
+            tuple(psi.Diff(theta) for psi in (psi1, psi2) for theta in (ngs.x, ngs.y)), dims=(2, 2)
+        )
+        cloth = Kinematics(slopes, self.surface.metric)
         energy = self.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
         domain = self.surface.domain
         points = domain.sample()
@@ -192,6 +239,7 @@ class Scene:
                     raise InputError(
                         "start", self.start, "a map with the mirror symmetry of the scene"
                     )
+        return slopes
 
     def __str__(self):
         domain = f"{self.surface.domain}" + (", one quarter" if self.symmetric else "")

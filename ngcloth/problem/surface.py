@@ -9,7 +9,13 @@ from netgen.meshing import NgException
 from ngsolve.meshes import MakeStructured2DMesh
 
 from ..errors import InputError
+from . import returned
 from .domain import Domain
+from .heights import Heights
+from .smoothness import Lattice, disagreement
+
+SINGULAR = 1e-14  # det a/tr² a at most
+FALLS = (10, 10, 10, 1e6)  # of `_measures` towards a singular point: 1e6 is nearly an apex
 
 
 class Surface:
@@ -37,8 +43,9 @@ class Surface:
     Raises
     ------
     InputError
-        If the domain has holes or several pieces, the chart has not three components, or its
-        metric is singular or not finite somewhere on the domain.
+        If the domain has holes or several pieces, the chart has not three real components, its
+        metric is singular or not finite somewhere on the domain, or its derivatives are not those
+        of its values.
     """
 
     def __init__(self, chart, domain, side=1):
@@ -51,19 +58,52 @@ class Surface:
             raise InputError("chart", chart, "a callable of (θ1, θ2) with three components")
         self.chart, self.domain, self.side = chart, domain, side
 
+        told = "chart", chart, "chart(θ1, θ2)", "three components of φ"
+        self.position = returned.vector(*told, 3, chart)
         try:
-            components = chart(ngs.x, ngs.y)
-            if not isinstance(components, ngs.CoefficientFunction):
-                components = ngs.CF(tuple(components))
-        except (TypeError, ValueError, NgException) as error:
-            raise InputError("chart", chart, f"three components of φ ({error})") from error
-        if tuple(components.dims) != (3,):
-            raise InputError(
-                "chart", tuple(components.dims), "φ must have exactly three components"
-            )
-        self.position = components
-        self._tangents = (components.Diff(ngs.x), components.Diff(ngs.y))
-        self._check_metric()
+            first, second = self._tangents = [self.position.Diff(t) for t in (ngs.x, ngs.y)]
+            self._bends = first.Diff(ngs.x), first.Diff(ngs.y), second.Diff(ngs.y)
+        except NgException as error:
+            raise returned.refusal(*told, f"that can be differentiated twice: {error}") from error
+        self._check_geometry()
+
+    @classmethod
+    def from_heights(cls, x, y, z, domain=None, side=1):
+        """The surface (θ1, θ2, z(θ1, θ2)) through heights on a grid, by splines of degree five.
+
+        The splines run through all heights, and curvature feels noise strongly: smooth what was
+        measured.
+
+        Parameters
+        ----------
+        x, y : array_like, (nx,), (ny,)
+            Where the grid lines run, six or more each, increasing and evenly spaced.
+        z : array_like, (nx, ny)
+            The heights, z[i, j] at (x[i], y[j]).
+        domain : Domain, optional
+            A part of the grid's rectangle, which it is by default.
+        side : {1, -1}, optional
+            As for `Surface`; 1 is the side of greater z.
+
+        Returns
+        -------
+        Surface
+
+        Raises
+        ------
+        InputError
+            If this is no such grid, has more than 1e6 points, or does not cover the domain.
+        """
+        heights = Heights(x, y, z)
+        rectangle = heights.rectangle
+        domain = rectangle if domain is None else domain
+        if isinstance(domain, Domain) and not rectangle.contains(domain.sample()).all():
+            raise InputError("domain", domain, f"a part of the grid's {rectangle}")
+        return cls(heights, domain, side)
+
+    def __reduce__(self):
+        # NGSolve's expressions are made anew from the chart.
+        return type(self), (self.chart, self.domain, self.side)
 
     @cached_property
     def metric(self):  # noqa: D102
@@ -77,11 +117,7 @@ class Surface:
 
     @cached_property
     def curvature(self):  # noqa: D102
-        first, second = self._tangents
-        b11, b12, b22 = (
-            ngs.InnerProduct(derivative, self.normal)
-            for derivative in (first.Diff(ngs.x), first.Diff(ngs.y), second.Diff(ngs.y))
-        )
+        b11, b12, b22 = (ngs.InnerProduct(bend, self.normal) for bend in self._bends)
         return ngs.CF((b11, b12, b12, b22), dims=(2, 2))
 
     @cached_property
@@ -118,18 +154,67 @@ class Surface:
         values = np.asarray(expression.Compile()(points))
         return values.reshape(theta.shape[:-1] + tuple(expression.dims))
 
-    def _check_metric(self):
-        points = self.domain.sample()
-        metric = self.evaluate(self.metric, points)
-        with np.errstate(over="ignore", invalid="ignore"):
-            finite = np.isfinite(metric).all(axis=(1, 2))
-            trace = np.where(finite, metric[:, 0, 0] + metric[:, 1, 1], 1.0)
-            determinant = metric[:, 0, 0] * metric[:, 1, 1] - metric[:, 0, 1] ** 2
-            bad = ~finite | ~(determinant > 1e-14 * trace**2)
-        if bad.any():
-            where = tuple(float(t) for t in points[np.argmax(bad)])
-            raise InputError(
-                "chart",
-                where,
-                "its metric a = ∇φᵀ∇φ is singular or not finite at this point of the domain",
+    def _check_geometry(self):
+        expression = ngs.CF((self.position, *self._tangents, *self._bends)).Compile()
+
+        def sample(points):
+            with np.errstate(all="ignore"):
+                return np.asarray(expression(self._frame(*points.T))).reshape(-1, 6, 3)
+
+        def measures(points):
+            return _measures(sample(points), self.domain.diameter)
+
+        lattice = Lattice(self.domain)
+        # The domain's own points come first: where its grid meets a pole, it meets it exactly.
+        own = self.domain.sample()
+        points = np.concatenate([own, lattice.points])
+        values = sample(points)
+        numbers = _measures(values, self.domain.diameter)
+        bad = ~(np.isfinite(values[:, :3]).all(axis=(1, 2)) & (numbers[0] > SINGULAR))
+        where = points[np.argmax(bad)] if bad.any() else None
+        if where is None:
+            where = lattice.singular_point(measures, numbers[:, len(own) :], FALLS)
+        if where is not None:
+            allowed = "its metric a = ∇φᵀ∇φ is singular or not finite at this point of the domain"
+            raise InputError("chart", tuple(map(float, where)), allowed)
+        found = disagreement(
+            lambda points: _slopes(sample(points)),
+            lattice.points,
+            lattice.pairs,
+            _slopes(values[len(own) :]),
+        )
+        if found:
+            allowed = (
+                "near this point first or second derivatives of φ are not those of its values: a "
+                "step, a crease, or a field or table that NGSolve does not differentiate (heights "
+                "on a grid make an ngcloth.Surface.from_heights)"
             )
+            raise InputError("chart", tuple(map(float, found[0])), allowed)
+
+
+def _measures(values, diameter):
+    """Four positive numbers at each point that fall to zero at singular points, (4, n).
+
+    They are det a/tr² a, tr a, its inverse, and the inverse of the largest curvature.
+
+    Parameters
+    ----------
+    values : ndarray, (n, 6, 3)
+        φ, ∂1φ, ∂2φ, ∂11φ, ∂12φ, ∂22φ.
+    diameter : float
+        Of the domain.
+    """
+    with np.errstate(all="ignore"):
+        a11, a12, a22 = (
+            np.einsum("nc,nc->n", values[:, i], values[:, j]) for i, j in ((1, 1), (1, 2), (2, 2))
+        )
+        trace = a11 + a22
+        bend = diameter**2 * (values[:, 3:] ** 2).sum(axis=(1, 2)) / trace
+        flatness = np.where(np.isnan(bend), 1.0, 1 / (1 + bend))
+        return np.array([(a11 * a22 - a12**2) / trace**2, trace, 1 / trace, flatness])
+
+
+def _slopes(values):
+    """φ, ∂1φ and ∂2φ, (n, 9), and their derivatives, (n, 9, 2), of `values` as for `_measures`."""
+    slopes = values[:, [[1, 2], [3, 4], [4, 5]]]
+    return values[:, :3].reshape(-1, 9), slopes.swapaxes(2, 3).reshape(-1, 9, 2)

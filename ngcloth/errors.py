@@ -63,8 +63,10 @@ def check_number(argument, value, low=None, high=None, *, open_low=False, open_h
     return number
 
 
-def check_integer(argument, value, low):
-    """Return `value` as an int, or raise `InputError` unless it is an integer of at least `low`."""
-    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < low:
-        raise InputError(argument, value, f"an integer, {low} or more")
+def check_integer(argument, value, low, high=None):
+    """Return `value` as an int, or raise `InputError` unless it is an integer within the bounds."""
+    whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
+    if not whole or value < low or (high is not None and value > high):
+        span = f"{low} or more" if high is None else f"from {low} to {high}"
+        raise InputError(argument, value, f"an integer, {span}")
     return int(value)

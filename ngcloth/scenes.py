@@ -2,6 +2,7 @@
 
 import functools
 import inspect
+from dataclasses import dataclass
 
 import ngsolve as ngs
 import numpy as np
@@ -14,6 +15,28 @@ from .problem.scene import Scene
 from .problem.surface import Surface
 
 NAMED = {}
+
+
+@dataclass(frozen=True)
+class Stereographic:
+    """The chart of the unit sphere by which the unit disk covers the portion r²/(1 + r²)."""
+
+    r: float
+
+    def __call__(self, theta1, theta2):
+        """The three components of φ."""
+        square = self.r**2 * (theta1**2 + theta2**2)
+        return [q / (1 + square) for q in (2 * self.r * theta1, 2 * self.r * theta2, square - 1)]
+
+
+@dataclass(frozen=True)
+class Catenoid:
+    """The chart of the catenoid: θ1 its angle, θ2 its height."""
+
+    def __call__(self, theta1, theta2):
+        """The three components of φ."""
+        radius = ngs.cosh(theta2)
+        return radius * ngs.cos(theta1), radius * ngs.sin(theta1), theta2
 
 
 def _named(make):
@@ -63,24 +86,20 @@ def sphere(portion=0.85, ks=0.0, shear_limit=None, *, symmetric=True):
     InputError
         For a portion outside (0, 1), a shear limit outside (0, 1), or a negative ``ks``.
     """
-    check_number("portion", portion, 0, 1, open_low=True, open_high=True)
-    r = np.sqrt(portion / (1 - portion))
-
-    def chart(theta1, theta2):
-        square = r**2 * (theta1**2 + theta2**2)
-        return [q / (1 + square) for q in (2 * r * theta1, 2 * r * theta2, square - 1)]
-
+    portion = check_number("portion", portion, 0, 1, open_low=True, open_high=True)
     # The stereographic chart seen from the north pole turns ∂1φ × ∂2φ inward.
+    chart = Stereographic(float(np.sqrt(portion / (1 - portion))))
     surface = Surface(chart, Disk(), side=-1)
     fabric = Net(ks=ks)
+    limits = _limits(fabric, shear_limit)
     return Scene(
         surface=surface,
         fabric=fabric,
-        constraints=_limits(fabric, shear_limit),
+        constraints=limits,
         start=(0.5, 0.5) if portion == 0.5 else (0.1, 0.1),
         symmetric=symmetric,
-        name=f"sphere, portion {portion:g}, ks/kc = {ks:g}"
-        + ("" if shear_limit is None else f", |γ| ≤ {shear_limit:.4g}"),
+        name=f"sphere, portion {portion:g}, ks/kc = {fabric.ks:g}"
+        + ("" if shear_limit is None else f", |γ| ≤ {limits[-1].maximum:.4g}"),
     )
 
 
@@ -133,11 +152,6 @@ def hemicatenoid(ks=0.0, obstacle=False, *, symmetric=None):
         For a negative ``ks``; or for an obstacle with ``ks=0``: a cloth without stress is not
         pushed.
     """
-
-    def chart(theta1, theta2):
-        radius = ngs.cosh(theta2)
-        return radius * ngs.cos(theta1), radius * ngs.sin(theta1), theta2
-
     if not isinstance(obstacle, bool):
         raise InputError("obstacle", obstacle, "True or False")
     if obstacle and ks == 0:
@@ -146,13 +160,13 @@ def hemicatenoid(ks=0.0, obstacle=False, *, symmetric=None):
         )
     fabric = Net(ks=ks)
     return Scene(
-        surface=Surface(chart, Rectangle((0, np.pi), (-1, 1))),
+        surface=Surface(Catenoid(), Rectangle((0, np.pi), (-1, 1))),
         fabric=fabric,
         constraints=_limits(fabric, None) + ((Obstacle(),) if obstacle else ()),
         start=(0.3, 0.4) if obstacle else (0.5, 0.5),
         symmetric=not obstacle if symmetric is None else symmetric,
         tie_break=1e-9 if ks == 0 else 0.0,
-        name=f"hemicatenoid, ks/kc = {ks:g}" + (", obstacle" if obstacle else ""),
+        name=f"hemicatenoid, ks/kc = {fabric.ks:g}" + (", obstacle" if obstacle else ""),
     )
 
 

@@ -124,6 +124,76 @@ def test_evaluate_keeps_shapes():
     assert surface.evaluate(ngs.x - ngs.y, [[0.5, 0.2]]) == pytest.approx([0.3])
 
 
+# Heights on a grid -----------------------------------------------------------------------------
+
+
+def cap(x, y):
+    """A height without any symmetry, in NGSolve's functions or NumPy's."""
+    functions = np if isinstance(x, np.ndarray) else ngs
+    return 0.5 * functions.cos(1.2 * x + 0.3) * functions.exp(0.4 * y)
+
+
+def gridded(n, domain=None):
+    x, y = np.linspace(-1.1, 1.1, n), np.linspace(-1.0, 1.2, n + 2)
+    return Surface.from_heights(x, y, cap(x[:, None], y), domain)
+
+
+def disk_area(surface):
+    """Of the surface over the unit disk, by Gauss points on rays that are equally spaced."""
+    nodes, weights = np.polynomial.legendre.leggauss(100)
+    radius, turn = (nodes[:, None] + 1) / 2, 2 * np.pi * np.arange(200) / 200
+    theta = np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=-1)
+    density = np.sqrt(np.linalg.det(values(surface, "metric", theta)))
+    return np.pi * float((weights / 2 * (2 * radius * density).mean(axis=1)[:, None].T).sum())
+
+
+def test_heights_make_the_surface_that_they_are_of():
+    """Area and curvature of the surface itself, by powers of the grid's spacing."""
+    exact = Surface(lambda x, y: (x, y, cap(x, y)), Disk())
+    points = exact.domain.sample(40)
+    errors = []
+    for n in (21, 41):
+        surface = gridded(n, Disk())
+        curvature = values(surface, "curvature", points) - values(exact, "curvature", points)
+        errors.append([abs(disk_area(surface) - disk_area(exact)), np.abs(curvature).max()])
+    assert errors[1][0] < 1e-9 and errors[1][1] < 1e-6
+    assert errors[1][1] < errors[0][1] / 2**3.5
+    metric = values(surface, "metric", points)
+    assert metric == pytest.approx(values(exact, "metric", points), abs=1e-7)
+
+
+def test_heights_are_met_and_differentiated_exactly():
+    """The spline of a polynomial of degree five is that polynomial, up to third derivatives."""
+    x, y = np.linspace(-2, 1, 8), np.linspace(0, 3, 7)
+    surface = Surface.from_heights(x, y, np.add.outer(x**5 - x, 0 * y) + np.multiply.outer(x, y**3))
+    points = surface.domain.sample(13)
+    u, v = points.T
+    z = surface.position[2]
+    for expression, expected in (
+        (z, u**5 - u + u * v**3),
+        (z.Diff(ngs.x), 5 * u**4 - 1 + v**3),
+        (z.Diff(ngs.x).Diff(ngs.y), 3 * v**2),
+        (z.Diff(ngs.x).Diff(ngs.x).Diff(ngs.x), 60 * u**2),
+        (surface.chart(ngs.x / 2, ngs.y / 2 + 1)[2], u**5 / 32 - u / 2 + u / 2 * (v / 2 + 1) ** 3),
+    ):
+        assert surface.evaluate(expression, points) == pytest.approx(expected, abs=1e-9)
+    assert surface.domain == Rectangle((-2, 1), (0, 3))
+
+
+def test_a_mould_of_heights_is_not_a_flat_disk():
+    """As a table of NGSolve's it was: area π. It is what its chart is, and the patch fits it."""
+    x = np.linspace(-1, 1, 41)
+    dome = Surface.from_heights(x, x, -0.25 * x[:, None] ** 2 - 0.6 * x**2, Disk())
+    chart = Surface(lambda x, y: (x, y, -0.25 * x * x - 0.6 * y * y), Disk())
+    assert disk_area(dome) == pytest.approx(3.721395, abs=1e-6)
+    one, other = (
+        ngcloth.solve(ngcloth.Scene(s, ngcloth.Net(ks=1.0), symmetric=True), maxh=0.3)
+        for s in (dome, chart)
+    )
+    assert one.converged and one.energy == pytest.approx(other.energy, rel=1e-6)
+    assert one.area > 3.6 and one.area == pytest.approx(other.area, rel=1e-8)
+
+
 # Domains ---------------------------------------------------------------------------------------
 
 DOMAINS = [

@@ -1,6 +1,7 @@
 """Whatever is drawn, a solve ends with finite numbers and a reason, or refuses before the mesh."""
 
 import math
+import pickle
 import sys
 
 import ngsolve as ngs
@@ -20,11 +21,13 @@ from ngcloth import (
     Rectangle,
     Scene,
     ShearLimit,
+    SolveError,
     Surface,
 )
 
 NAN, INF = float("nan"), float("inf")
 BUDGET = 25
+GRID = np.linspace(-1, 1, 11)
 MAKE_MESH = sys.modules["ngcloth.solver.solve"].make_mesh
 
 drawn = settings(
@@ -291,7 +294,47 @@ def test_a_chart_without_values_between_the_samples():
     def chart(x, y):
         return x, y, ngs.sqrt((x - 0.533) ** 2 + (y - 0.217) ** 2 - 1e-3)
 
-    scene = {"surface": Surface(chart, Disk()), "fabric": Net(ks=1.0)}
     with pytest.raises(InputError) as error:
-        ngcloth.solve(Scene(**scene), maxh=0.2)
+        Surface(chart, Disk())
     assert error.value.argument == "chart"
+
+
+# Crossing processes ------------------------------------------------------------------------------
+
+
+def paraboloid(x, y):
+    return x, y, -(x * x + y * y) / 2
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        ngcloth.scenes.hemisphere(1.0),
+        ngcloth.scenes.sphere(0.3),
+        ngcloth.scenes.hemicatenoid(1.0, obstacle=True),
+        Scene(Surface(paraboloid, Disk(0.7), side=-1), Net((1.0, 2.0), 0.5), [ShearLimit(0.8)]),
+        Scene(Surface.from_heights(GRID, GRID, -np.add.outer(GRID**2, GRID**2)), Net()),
+    ],
+    ids=lambda scene: scene.name,
+)
+def test_scenes_pickle(scene):
+    """By the standard library: what comes back is the same to every digit, and so is its recipe."""
+    again = pickle.loads(pickle.dumps(scene))
+    assert again.recipe == scene.recipe and str(again) == str(scene)
+    assert again.surface.domain == scene.surface.domain and again.constraints == scene.constraints
+    points = scene.surface.domain.sample(7)
+    for name in ("position", "metric", "curvature"):
+        one, other = (
+            each.surface.evaluate(getattr(each.surface, name), points) for each in (scene, again)
+        )
+        assert np.array_equal(one, other)
+
+
+def test_solve_error_pickles():
+    """A process pool brings it back with its result."""
+    with pytest.raises(SolveError) as error:
+        ngcloth.solve(ngcloth.scenes.hemisphere(1.0), maxh=0.5, max_steps=2, throw=True)
+    again = pickle.loads(pickle.dumps(error.value))
+    assert isinstance(again, SolveError) and str(again) == str(error.value)
+    assert again.result.energy == error.value.result.energy
+    assert np.array_equal(again.result.outline(12), error.value.result.outline(12))

@@ -33,7 +33,8 @@ class ShearLimit:
     name = "shear limit"
 
     def __post_init__(self):
-        check_number("shear_limit", self.maximum, 0, 1, open_low=True, open_high=True)
+        maximum = check_number("shear_limit", self.maximum, 0, 1, open_low=True, open_high=True)
+        object.__setattr__(self, "maximum", maximum)
 
     def slacks(self, cloth):
         """γmax² − γ²."""

@@ -72,7 +72,8 @@ class Disk(Domain):
     radius: float = 1.0
 
     def __post_init__(self):
-        check_number("radius", self.radius, SMALLEST, LARGEST)
+        radius = check_number("radius", self.radius, SMALLEST, LARGEST)
+        object.__setattr__(self, "radius", radius)
 
     @property
     def box(self):
@@ -117,6 +118,7 @@ class Rectangle(Domain):
             if high - low < SMALLEST or max(-low, high) > LARGEST:
                 allowed = f"at least {SMALLEST:g} long, its ends at most {LARGEST:g}"
                 raise InputError(name, side, allowed)
+            object.__setattr__(self, name, (low, high))
         width, height = np.ptp(np.array(self.box), axis=1)
         if max(width, height) > LONGEST * min(width, height):
             allowed = f"a side at most {LONGEST:g} times as long or as short as side1"
@@ -125,7 +127,7 @@ class Rectangle(Domain):
     @property
     def box(self):
         """Bounding box ((low1, high1), (low2, high2))."""
-        return (tuple(self.side1), tuple(self.side2))
+        return (self.side1, self.side2)
 
     def contains(self, theta, tolerance=1e-9):
         """Whether points `theta`, shape (..., 2), lie in the closed rectangle; a boolean array."""

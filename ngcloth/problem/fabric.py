@@ -6,6 +6,8 @@ import numpy as np
 
 from ..errors import InputError, check_number
 
+STIFFNESSES = 1e-30, 1e30  # squares of their ratios do not overflow
+
 
 @dataclass(frozen=True)
 class Net:
@@ -14,22 +16,25 @@ class Net:
     Parameters
     ----------
     kc : float or (float, float)
-        Stiffness of the threads (force per length); a pair gives warp and weft their own.
+        Stiffness of the threads (force per length), from 1e-30 to 1e30; a pair gives warp and weft
+        their own.
     ks : float
-        Shear stiffness, in the same unit. With ``ks=0`` shearing costs nothing, and the optimal
-        patch of an unconstrained scene is a Chebyshev net.
+        Shear stiffness, in the same unit, at most 1e30. With ``ks=0`` shearing costs nothing, and
+        the optimal patch of an unconstrained scene is a Chebyshev net.
     """
 
     kc: float | tuple = 1.0
     ks: float = 0.0
 
     def __post_init__(self):
-        pair = self.kc if isinstance(self.kc, tuple) else (self.kc,)
-        if isinstance(self.kc, tuple) and len(pair) != 2:
-            raise InputError("kc", self.kc, "one stiffness, or a pair for warp and weft")
-        for stiffness in pair:
-            check_number("kc", stiffness, 0, open_low=True)
-        check_number("ks", self.ks, 0)
+        if isinstance(self.kc, tuple):
+            if len(self.kc) != 2:
+                raise InputError("kc", self.kc, "one stiffness, or a pair for warp and weft")
+            kc = tuple(check_number("kc", stiffness, *STIFFNESSES) for stiffness in self.kc)
+        else:
+            kc = check_number("kc", self.kc, *STIFFNESSES)
+        object.__setattr__(self, "kc", kc)
+        object.__setattr__(self, "ks", check_number("ks", self.ks, 0, STIFFNESSES[1]))
 
     @property
     def stiffness(self):

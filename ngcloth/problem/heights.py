@@ -43,6 +43,11 @@ class Heights:
         """The three components of φ."""
         along = _taylor(self.y, _taylor(self.x, self.z).transpose(2, 0, 1))
         coefficients = along.transpose(2, 0, 1, 3)  # power of θ1, of θ2; cell in y, in x
+        # One cell more on each side, with the polynomial of the last: NGSolve may read beyond a
+        # table just before its end.
+        (first1, last1), (first2, last2) = self.rectangle.box
+        step1, step2 = self.x[1] - self.x[0], self.y[1] - self.y[0]
+        low, high = (first1 - step1, first2 - step2), (last1 + step1, last2 + step2)
         shape = coefficients.shape[2:]
         # Where it is the coordinates that are looked up, NGSolve does so several times faster.
         options = {"linear": False}
@@ -50,9 +55,8 @@ class Heights:
             options["trafocf"] = ngs.CF((theta1, theta2))
 
         def table(values):
-            values = np.ascontiguousarray(np.broadcast_to(values, shape))
-            ends = zip(*self.rectangle.box, strict=True)
-            return ngs.VoxelCoefficient(*ends, values, **options)
+            values = np.pad(np.broadcast_to(values, shape), 1, mode="edge")
+            return ngs.VoxelCoefficient(low, high, values, **options)
 
         s = theta1 - table(self.x[:-1])
         t = theta2 - table(self.y[:-1, None])
@@ -76,6 +80,8 @@ def _taylor(x, values):
 
 def _numbers(name, values):
     try:
+        if np.iscomplexobj(values):
+            raise TypeError("complex")
         array = np.array(values, dtype=float)
     except (TypeError, ValueError) as error:
         raise InputError(name, values, f"an array of finite numbers ({error})") from error

@@ -9,16 +9,14 @@ from netgen.meshing import NgException
 
 from ..errors import InputError, check_number
 from . import returned
-from .fabric import Net
+from .fabric import STIFFNESSES, Net
 from .kinematics import Kinematics
-from .smoothness import Lattice
 from .states import MIRRORS, SAME, States
 from .surface import Surface
 
-STIFFNESSES = 1e-30, 1e30  # squares of ratios do not overflow
 OFF = 1e6  # energies over stiffness are within
 UNDEFORMED, STRETCHED = (1.0, 1.0, 0.0), ((1.21, 1.0, 0.0), (1.0, 1.21, 0.0), (1.0, 1.0, 0.3))
-SPARSE = 5  # of the points of the lattice, where a metric is compared with its mirror image
+PLACES = 4000  # at which a metric is compared with its mirror image
 
 
 @dataclass(frozen=True)
@@ -103,7 +101,7 @@ class Scene:
         if not (isinstance(self.name, str) and self.name.isprintable()):
             raise InputError("name", self.name, "a text of one line, without control characters")
         self._check_energy()
-        check_number("tie_break", self.tie_break, 0, 1)
+        object.__setattr__(self, "tie_break", check_number("tie_break", self.tie_break, 0, 1))
         if self.tie_break and self.in_equilibrium:
             raise InputError("tie_break", self.tie_break, "0 with constraints or a cost")
         slopes = self._check_start()
@@ -180,7 +178,8 @@ class Scene:
     def _check_mirrors(self):
         """The domain and the metric of the surface have the mirror symmetry of the scene."""
         surface, domain = self.surface, self.surface.domain
-        points = Lattice(domain).points[::SPARSE]
+        points = np.random.default_rng(0).uniform(*np.transpose(domain.box), (PLACES, 2))
+        points = points[domain.contains(points)]
         metric = surface.evaluate(surface.metric, points)
         size = np.trace(metric, axis1=1, axis2=2)[:, None, None]
         for axis, mirror in enumerate(MIRRORS):

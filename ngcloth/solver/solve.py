@@ -21,10 +21,12 @@ from .interior_point import FAR, WARM_MU, interior_point
 from .net_choice import chosen_net
 from .recorder import Recorder
 from .saddle_flow import saddle_flow
+from .size import check_memory, check_seconds
 
 LINEARISATIONS = {"closed form": ClosedFormLagrangian, "automatic": AutomaticLagrangian}
 FLOWS = {"adaptive": adaptive_flow, "paper": fixed_flow}
 INVERSES = ("sparsecholesky", "umfpack")
+HIGHEST = 14  # order of ψ: NGSolve ends the process at rules for orders beyond
 COARSEST = 0.3  # mesh size over diameter
 REFINEMENTS = 2  # of a mesh, to give the next finer one
 COARSER = 2**REFINEMENTS
@@ -61,14 +63,14 @@ def solve(
     maxh : float, optional
         Largest element size in the parameter plane. By default 2 % of the domain's diameter.
     order : int, optional
-        Polynomial order of ψ. Default 2.
+        Polynomial order of ψ, 1 to 14. Default 2.
     multiplier_order : int, optional
         Polynomial order of the multiplier v of equilibrium, in scenes with constraints. By
         default that of ψ: with order 1, as in the paper, a layer one element wide along the rim
         goes unbalanced, and the energy converges only like h, from below.
     quadrature : int, optional
         Degree of the integration rules, at whose points inside and along the rim limits hold. By
-        default ``2 * order + 2``.
+        default ``2 * order + 2``; at most 30.
     barrier_end : float, optional
         The barrier weight μ over kc at which a solve with constraints ends, at most 1. Default
         1e-3.
@@ -79,7 +81,8 @@ def solve(
     max_steps : int, optional
         Budget of Newton steps. Default 500.
     max_seconds : float, optional
-        Budget of wall-clock time, checked after each step. By default there is none.
+        Budget of wall-clock time, checked after each step; the mesh counts. By default there is
+        none.
     schedule : {"adaptive", "paper"}, optional
         The pseudo-time loop: one Newton step to each of ever longer steps, or the paper's steps
         of one size with a Newton solve in each; with constraints also its barrier, from μ = 10
@@ -112,8 +115,8 @@ def solve(
     Raises
     ------
     InputError
-        If a setting is unknown or out of bounds, or the checkpoint is another solve's; before any
-        mesh is made.
+        If a setting is unknown or out of bounds, the solve would be larger than the memory of the
+        machine, or the checkpoint is another solve's; before any mesh is made.
     SolveError
         If the solve did not converge and `throw` is set.
     RuntimeError
@@ -145,9 +148,12 @@ def solve(
     diameter = scene.surface.domain.diameter
     settings = {
         "maxh": check_number("maxh", 0.02 * diameter if maxh is None else maxh, 0, open_low=True),
-        "order": check_integer("order", order, 1),
+        "order": check_integer("order", order, 1, HIGHEST),
         "quadrature": check_integer(
-            "quadrature", 2 * order + 2 if quadrature is None else quadrature, 2 * order - 2
+            "quadrature",
+            2 * order + 2 if quadrature is None else quadrature,
+            2 * order - 2,
+            2 * HIGHEST + 2,
         ),
         "max_steps": check_integer("max_steps", max_steps, 1),
         "ngsolve": ngs.__version__,
@@ -158,20 +164,22 @@ def solve(
     settings["inverse"] = _check_choice("inverse", inverse, INVERSES)
     settings["schedule"] = _check_choice("schedule", schedule, FLOWS)
     _check_choice("linearisation", linearisation, LINEARISATIONS)
-    check_number("tolerance", tolerance, 0, open_low=True)
-    check_number("barrier_end", barrier_end, 0, 1, open_low=True)
-    if max_seconds != np.inf:
-        check_number("max_seconds", max_seconds, 0, open_low=True)
+    tolerance = check_number("tolerance", tolerance, 0, open_low=True)
+    barrier_end = check_number("barrier_end", barrier_end, 0, 1, open_low=True)
+    if not (isinstance(max_seconds, float) and max_seconds == np.inf):
+        max_seconds = check_number("max_seconds", max_seconds, 0, open_low=True)
     if scene.in_equilibrium:
         settings["linearisation"] = linearisation
         multiplier_order = order if multiplier_order is None else multiplier_order
-        settings["multiplier_order"] = check_integer("multiplier_order", multiplier_order, 1)
-        if multiplier_order > order:  # more multipliers than unknowns: a singular matrix
-            raise InputError("multiplier_order", multiplier_order, f"an integer from 1 to {order}")
+        # With more multipliers than unknowns the matrix is singular.
+        settings["multiplier_order"] = check_integer("multiplier_order", multiplier_order, 1, order)
     if scene.constraints:
         settings["barrier_end"] = barrier_end
     if not scene.constraints or schedule == "paper":
         settings["tolerance"] = tolerance
+    check_memory(scene, settings)
+    coarsest = settings["maxh"] * COARSER ** _coarser_levels(scene, settings["maxh"])
+    check_seconds(scene, coarsest, max_seconds)
     if checkpoint is not None:
         identity = {name: array.tolist() for name, array in fingerprint(scene).items()}
         identity |= {name: value for name, value in settings.items() if name != "max_steps"}

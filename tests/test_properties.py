@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import make_interp_spline
 
 import ngcloth
 from ngcloth import (
@@ -297,6 +298,36 @@ def test_a_chart_without_values_between_the_samples():
     with pytest.raises(InputError) as error:
         Surface(chart, Disk())
     assert error.value.argument == "chart"
+
+
+def splined():
+    """(I − 1)² as a table."""
+    at = np.linspace(-0.5, 30, 200)
+    table = make_interp_spline(at, (at - 1) ** 2, k=5)
+    return ngs.BSpline(6, list(table.t), list(table.c))
+
+
+@pytest.mark.parametrize("linearisation", ["closed form", "automatic"])
+def test_a_law_by_splines_is_the_law_that_it_is_of(linearisation):
+    """With limits, too, where NGSolve once did not find its derivatives; and so is one by powers."""
+    spline, limits = splined(), [Elongation(), ShearLimit(0.6)]
+    laws = [
+        Law(lambda I4, I6, I8: spline(I4) + spline(I6) + I8**2),
+        Law(lambda I4, I6, I8: (I4 - 1) ** 2 + (I6**0.5 * I6**0.5 - 1) ** 2 + I8**2),
+        Net(ks=1.0),
+    ]
+    results = [
+        ngcloth.solve(
+            Scene(GOOD["surface"], law, limits, symmetric=True),
+            maxh=0.5,
+            linearisation=linearisation,
+        )
+        for law in laws
+    ]
+    for result in results[:2]:
+        assert result.converged
+        assert result.energy == pytest.approx(results[2].energy, rel=1e-8)
+        assert str(result.certificate()) == str(results[2].certificate())
 
 
 # Crossing processes ------------------------------------------------------------------------------

@@ -36,21 +36,30 @@ class SampledCloth(Kinematics):
         Of a component of ψ, in the parameter plane.
     unknowns : ndarray
         Those of ψ1 and ψ2.
-    variables : list of GridFunction
+    variables : list of CoefficientFunction
         G11, G12, G21, G22, C11, C22, C12, and the same of G⁻ᵀ b G⁻¹ if that is asked for.
     """
 
     def __init__(self, state, psi, points, metric, fabric, curvature):
         self.state, self.points, self.psi = state, points, psi
         self.unknowns = state.vec.FV().NumPy()[: state.space.Range(1).stop]
-        self.variables, self._tensors = [points.field() for _ in range(4)], []
-        super().__init__(ngs.CF(tuple(self.variables), dims=(2, 2)), metric, fabric, curvature)
+        self.variables, self._fields, self._tensors = [], [], []
+        gradient = ngs.CF(self._variables(4), dims=(2, 2))
+        super().__init__(gradient, metric, fabric, curvature)
 
     def pushed(self, tensor):
         """As for `Kinematics`, but of tensors that do not depend on ψ."""
         self._tensors.append(self.points.sample(tensor.Compile()).reshape(2, 2, -1))
-        self.variables += [self.points.field() for _ in range(3)]
-        return tuple(self.variables[-3:])
+        return self._variables(3)
+
+    def _variables(self, number):
+        """New ones, a tuple."""
+        fields = [self.points.field() for _ in range(number)]
+        # By the fields themselves NGSolve differentiates neither splines nor powers.
+        variables = [1.0 * field for field in fields]
+        self._fields += fields
+        self.variables += variables
+        return tuple(variables)
 
     @of_state
     def gradients(self):
@@ -99,7 +108,7 @@ class SampledCloth(Kinematics):
         """Set `variables` to their values at the current state."""
         values = [*self.gradients().reshape(4, -1)]
         values += [row for tensor in self.pushed_tensors() for row in tensor]
-        for field, row in zip(self.variables, values, strict=True):
+        for field, row in zip(self._fields, values, strict=True):
             field.vec.FV().NumPy()[:] = row
 
 

@@ -309,7 +309,7 @@ def splined():
 
 @pytest.mark.parametrize("linearisation", ["closed form", "automatic"])
 def test_a_law_by_splines_is_the_law_that_it_is_of(linearisation):
-    """With limits, too, where NGSolve once did not find its derivatives; and so is one by powers."""
+    """With limits, too, where NGSolve once found no derivatives; and so is one by powers."""
     spline, limits = splined(), [Elongation(), ShearLimit(0.6)]
     laws = [
         Law(lambda I4, I6, I8: spline(I4) + spline(I6) + I8**2),

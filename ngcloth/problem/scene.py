@@ -63,9 +63,13 @@ class Scene:
     Raises
     ------
     InputError
-        If an argument is of the wrong kind, the fabric's energy or stress is not finite in the
-        undeformed cloth, or the start folds the cloth (J ≤ 0) or has no finite energy somewhere,
-        or does not have the symmetry asked for.
+        If an argument is of the wrong kind, or a function of it returns what is; if the fabric's
+        energy or stress is not finite in the undeformed cloth, or is out of proportion to its
+        stiffness; if the start folds the cloth (J ≤ 0) or has no finite energy somewhere; if
+        NGSolve does not find the derivatives of energy, slacks or cost; or if surface, fabric,
+        limits, cost or start do not have the symmetry asked for.
+    Exception
+        What a function of the user's own raises, with a note of where it was called.
     """
 
     surface: Surface

@@ -159,9 +159,9 @@ class Lattice:
             trial = at[:, None] + 0.5**level * self._size * STENCIL
             reached = measures(trial.reshape(-1, 2))[every].reshape(len(at), -1)
             reached = np.where(np.isnan(reached), 0.0, reached)
-            reached = np.where(self._domain.contains(trial), reached, np.inf)
-            at = trial[np.arange(len(at)), reached.argmin(axis=1)]
+            reached = np.where(self._domain.contains(trial), reached, np.nan)
+            at = trial[np.arange(len(at)), np.nanargmin(reached, axis=1)]
             if level == MIDDLE:
-                earlier = reached.min(axis=1)
-        singular = np.flatnonzero(reached.min(axis=1) <= earlier / np.asarray(falls)[kind])
+                earlier = np.nanmedian(reached, axis=1)  # the least may be near a zero by chance
+        singular = np.flatnonzero(np.nanmin(reached, axis=1) <= earlier / np.asarray(falls)[kind])
         return at[singular[0]] if len(singular) else None

@@ -4,7 +4,6 @@ from math import factorial
 
 import ngsolve as ngs
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 from ..errors import InputError
 from .domain import Rectangle
@@ -74,6 +73,8 @@ def _taylor(x, values):
 
     They are those of the powers of the distance from the left end of each interval.
     """
+    from scipy.interpolate import make_interp_spline  # takes time, and sets filters of warnings
+
     spline = make_interp_spline(x, values, k=DEGREE)
     return np.stack([spline(x[:-1], nu=k) / factorial(k) for k in range(DEGREE + 1)])
 

@@ -7,7 +7,7 @@ meshes, tables, steps. Here they meet difference quotients.
 from functools import cache
 
 import numpy as np
-from scipy.ndimage import minimum_filter
+from numpy.lib.stride_tricks import sliding_window_view
 
 AGREEMENT = 1e-3  # of slopes with difference quotients
 SCALE_SHARE = 1e-6  # below which slopes do not count, over the largest of their kind
@@ -131,7 +131,10 @@ class Lattice:
         """The points of the lowest local minima of values (n,) at the points, (m, 2)."""
         grid = np.full(self._inside.shape, np.inf)
         grid[self._inside] = values
-        found = np.flatnonzero((minimum_filter(grid, 3) == grid)[self._inside])
+        around = np.pad(grid, 1, constant_values=np.inf)
+        rows = sliding_window_view(around, 3, axis=1).min(axis=-1)
+        least = sliding_window_view(rows, 3, axis=0).min(axis=-1)
+        found = np.flatnonzero((least == grid)[self._inside])
         return self.points[found[np.argsort(values[found])[:LOWEST]]]
 
     def singular_point(self, measures, values, falls):

@@ -35,7 +35,7 @@ from stability_cases import ENDS, cases
 from timed_solves import SCENES, TURNED
 
 import ngcloth
-from ngcloth.solver import gradient_flow, interior_point, saddle_system, start
+from ngcloth.solver import gradient_flow, interior_point, line_search, saddle_system, start
 
 PAGE = Path(__file__).parents[1] / "docs" / "ablation.md"
 PROCESSES = 2
@@ -68,37 +68,18 @@ inf = np.inf
 CONSTANTS = {
     interior_point: {
         "FIRST_MU": 1e-3,  # no sequence of barriers but the last one
-        "WARM_MU": 1.0,  # as from the scene's start
-        "STRESSED": inf,
-        "STRESSED_MU": inf,  # always the largest
-        "LARGEST_FIRST_MU": inf,
-        "LEAST_RATE": 0.0,
-        "FIRST_RATE": 0.0,
-        "LASTING_RATE": inf,
-        "LARGEST_RATE": inf,
+        "LOWER_MU": 0.0,
         "HIGHER": None,
-        "TO_BOUNDARY": 1 - 1e-8,
+        "LASTING_RATE": inf,
         "NEARLY": 1.0,
-        "NEARER": 1.0,
-        "SLIDING": inf,
-        "SECOND": 0.0,
         "SHORTENED": 0.0,
         "CORRECTORS": 0,
-        "CUT": 1.0,
         "LONGER": 1.0,  # aims for a full step
         "CENTRED": 1.0,  # aims for μ
-        "CRUSHED": 0.0,
         "LEAST_SLACK": 1e-8,
-        "SHORT": 0.0,
-        "SHORT_STEPS": 1,
-        "RAISE": inf,  # as far as it may
-        "SLOW_STEPS": 10**9,
-        "FAR": -inf,
-        "DUAL_RANGE": inf,
-        "SHORTEST": 1e-16,
-        "FORGET": 10**9,
-        "REFUSALS": 10**9,
+        "PATIENCE": 10**9,
     },
+    line_search: {"TO_BOUNDARY": 1 - 1e-8},
     start: {
         "STRETCHED": inf,
         "WORTHWHILE": 1.0,
@@ -118,15 +99,6 @@ CONSTANTS = {
 }
 
 
-def _five_times_weaker(iterate, last_mu):
-    iterate.largest_mu = iterate.mu
-    iterate.set_mu(max(0.2 * iterate.mu, last_mu))
-
-
-def _no_yielding(problem, mu, rim_may_yield=False):
-    return Iterate(problem, mu)
-
-
 def _always_flat(problem, recorder):
     start.flatten(problem)
     start.feasible_start(problem)
@@ -137,11 +109,8 @@ Iterate = interior_point.Iterate
 BRANCHES = {
     "inertia": (saddle_system.SaddleSystem, "is_minimum", lambda system: True),
     "inertia and curvature": (Iterate, "_tends_to_minimum", lambda iterate, matrix: True),
-    "yielding rim": (interior_point, "Iterate", _no_yielding),
     "all correctors": (Iterate, "_corrected", lambda iterate, solve, ds, dz: (ds, dz)),
-    "filter": (Iterate, "_acceptable", lambda iterate, length, slope, old, new: new[0] < inf),
-    "superlinear fall of μ": (Iterate, "lower_mu", _five_times_weaker),
-    "return to stronger barriers": (Iterate, "_retreat_if_stuck", lambda *arguments: None),
+    "filter": (line_search.Filter, "accepts", lambda pairs, length, slope, old, new: new[0] < inf),
     "the given start": (interior_point, "near_start", _always_flat),
 }
 BASE = "as it is", ""

@@ -47,10 +47,10 @@ def test_each_change_is_made_and_undone():
 
 
 def test_a_change_reaches_modules_that_import_the_constant():
-    before = solve.FAR
-    with ablation.changed(*ablation.changes()["FAR", "off"]):
-        assert solve.FAR == -ablation.inf
-    assert solve.FAR == before
+    before = solve.FIRST_MU
+    with ablation.changed(*ablation.changes()["FIRST_MU", "halved"]):
+        assert solve.FIRST_MU == before / 2
+    assert solve.FIRST_MU == before
 
 
 def test_fractions_near_one_are_scaled_from_there():
@@ -90,6 +90,6 @@ def test_page(monkeypatch, tmp_path, capsys):
     capsys.readouterr()
     ablation.main("--only", "filter")
     assert not ablation.PAGE.exists()  # it would not be the whole table
-    assert capsys.readouterr().out.count("\n| filter | Iterate | off |") == 1
+    assert capsys.readouterr().out.count("\n| filter | Filter | off |") == 1
     with pytest.raises(SystemExit, match="none of RIGID_STEPS"):
         ablation.main("--only", "nothing")

@@ -17,7 +17,7 @@ from ..result.result import Result
 from ..result.save import fingerprint
 from .checkpoint import Checkpoint
 from .gradient_flow import adaptive_flow, fixed_flow
-from .interior_point import FAR, WARM_MU, interior_point
+from .interior_point import FIRST_MU, interior_point
 from .net_choice import chosen_net
 from .recorder import Recorder
 from .saddle_flow import saddle_flow
@@ -339,14 +339,13 @@ def _start_from_coarser(problem, recorder, settings):
     coarse = _discretised(problem.scene, coarser)
     warm = _start_from_coarser(coarse, recorder, coarse.settings)
     reason = interior_point(
-        coarse, recorder, max(WARM_MU, settings["barrier_end"]), phase="coarse", warm=warm
+        coarse, recorder, max(FIRST_MU, settings["barrier_end"]), phase="coarse", warm=warm
     )
     given = problem.unknowns.copy()
-    fits = reason is Reason.CONVERGED and problem.take(coarse.state)
-    if not (fits and problem.slacks().min() > FAR):
-        problem.unknowns[:] = given
-        return False
-    return True
+    if reason is Reason.CONVERGED and problem.take(coarse.state):
+        return True
+    problem.unknowns[:] = given
+    return False
 
 
 def _check_choice(argument, value, choices):

@@ -5,7 +5,7 @@ Which flat patch ψ(U) is least strained on the surface, when shearing the fabri
     minimise  E(ψ) = ∫ J (kc (I4 − 1)² + kc (I6 − 1)² + ks I8²)
     such that  the threads are taut, λ1 ≥ 1 and λ2 ≥ 1,
                the cloth is in equilibrium along the surface, its rim being pinned:
-               ∫ J S : L_η a = 0 for all η that vanish on the rim (eq. 16).
+               dE(ψ)[v] = 0 for all v that vanish on the rim (eq. 16).
 
 No net of inextensible threads (ks = 0) covers a curved surface without shear; as ks/kc grows the
 threads stretch instead. Each case is solved at mesh sizes h and h/1.5: the difference of the two

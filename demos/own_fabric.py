@@ -3,7 +3,7 @@
 How does the patch ψ(U) change with what the cloth is made of, and with what is asked of it?
 
     minimise  ∫ J χ, by default χ = W(I4, I6, I8), any smooth law
-    such that  slacks c(ψ) ≥ 0 hold, and ∫ J S : L_η a = 0 for all η, S = G⁻¹ dW/dC G⁻ᵀ:
+    such that  slacks c(ψ) ≥ 0 hold, and dE(ψ)[v] = 0 for all v that vanish on the rim:
                the pinned cloth is in equilibrium along the surface.
 
 Stress and its derivatives follow from W by symbolic differentiation. Beside the paper's net,

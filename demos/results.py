@@ -226,7 +226,7 @@ def claims(rows):
             (
                 "§5.3: under the shear limit the patch is largest for p ≈ 0.85.",
                 f"Of the portions solved the largest is at p = {largest}. Areas at h → 0: "
-                f"{_with_bars(spheres)}. With η of order 1, as in the paper, most of the force is "
+                f"{_with_bars(spheres)}. With v of order 1, as in the paper, most of the force is "
                 "left unbalanced: patches are larger (10.66 at p = 0.8, h = 0.1), and largest near "
                 "0.8.",
             )

@@ -2,10 +2,10 @@
 
 Does a solve end at a patch ψ that fulfils, whatever its stiffnesses, surface and start are,
 
-    dE + d(∫ J S : L_η a) − Σ ∫ z dc dA = 0,   ∫ J S : L_v a = 0 for all v,   J > 0,
+    dE + d(dE[v]) − Σ ∫ z dc dA = 0,   dE(ψ)[w] = 0 for all w,   J > 0,
     c(ψ) > 0,   z > 0,   c z = μ
 
-for every slack c of its limits, or else with a reason? E and S are as in the other demos, η and z
+for every slack c of its limits, or else with a reason? E is as in the other demos, v and z
 the multipliers of equilibrium and limits.
 
 Each row changes one thing of a scene that is easy otherwise: the stiffnesses, the weight at which

@@ -251,8 +251,8 @@ class Scene:
             terms.append(f"ε/2 ∫ |∇∇∇ψ|² down to ε = {self.tie_break:g}, to choose among nets")
         unknowns = "ψ1, ψ2"
         if self.in_equilibrium:
-            unknowns += ", η1, η2"
-            terms.append("∫ J S : L_η a, in-plane equilibrium")
+            unknowns += ", v1, v2"
+            terms.append("dE(ψ)[v], in-plane equilibrium")
             terms += [f"barrier of {limit}" for limit in self.constraints]
         return "\n".join(
             [

@@ -275,7 +275,7 @@ def _mesh(scene, fields, order):
 
 
 def _state(scene, mesh, settings, fields):
-    """The GridFunction of ψ, and of η if there are limits, on the space that the solve used."""
+    """The GridFunction of ψ, and of v if there are limits, on the space that the solve used."""
     order = settings["order"]
     mirrors = ("mirror1", "mirror2") if scene.symmetric else ("", "")
     components = [ngs.H1(mesh, order=order, dirichlet=line) for line in mirrors]

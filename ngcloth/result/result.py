@@ -247,9 +247,8 @@ class Result:
     def equilibrium_residual(self):
         """How far the pinned cloth is from in-plane equilibrium, between 0 and 1.
 
-        The force with which the cloth slides along the surface, tested with all η one order
-        richer than ψ that vanish on the rim (eq. 16), over the same tested with all η, the rim
-        included. Forces of strains below 1e-9 count as none. Where the rim carries no force either,
+        The force with which the cloth slides, dE(ψ)[v] for all v one order richer than ψ that
+        vanish on the rim (eq. 16), over the same for all v, the rim included. Forces of strains below 1e-9 count as none. Where the rim carries no force either,
         as without active limits, the ratio says little.
         """
         return equilibrium_residual(self)

@@ -37,7 +37,7 @@ def save(result, folder):
     ============  ==================================================================================
     result.json   scene in words and as recipe, reason, numbers, settings, versions
     history.csv   one line per accepted step, the columns of `Row`
-    fields.npz    θ (``theta``), ψ (``psi``) and, in scenes with constraints, η (``eta``) at the
+    fields.npz    θ (``theta``), ψ (``psi``) and, in scenes with constraints, v (``eta``) at the
                   nodes (i/p, j/p), i + j ≤ p, j fastest, of every triangle, p the order of ψ, each
                   (triangles, nodes, 2); all coefficients (``state``); and the mesh of the domain or
                   its quarter: ``vertices`` (n, 2), ``triangles`` (k, 3) by vertex, ``segments``

@@ -16,7 +16,7 @@ SHORTEST = 2.0**-20
 def saddle_flow(problem, recorder, last_mu, tolerance):
     """Flow to rest under ever weaker barriers, by backward Euler steps of one size.
 
-    With the first barrier weight η flows as well, upwards (eq. 24); later ones keep equilibrium
+    With the first barrier weight v flows as well, upwards (eq. 24); later ones keep equilibrium
     exactly (eq. 23). Weights are halved, from 10 on; barriers are primal, z = μ/c.
 
     Parameters

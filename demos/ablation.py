@@ -43,7 +43,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "ablation.md"
 PROCESSES = 2
 BUDGET = 200  # Newton steps
 HIGHER, ZERO = 1e-3, 1e-5  # an energy is higher by more than this part of it, and this number
-FRACTIONS = 0.14, 0.1, 0.07  # mesh sizes of the paper's scenes, over the diameter
+FRACTIONS = 0.2, 0.14, 0.1  # mesh sizes of the paper's scenes, over the diameter
 AXES = (
     "ks/kc, hemisphere",
     "ks/kc, hemicatenoid",

@@ -33,7 +33,7 @@ from ngcloth.energy.sampling import RimPoints, Sampling
 from ngcloth.errors import InputError
 from ngcloth.result.history import Reason
 from ngcloth.result.result import Result
-from ngcloth.solver.solve import make_mesh
+from ngcloth.solver.solve import make_sheets
 from ngcloth.solver.start import feasible_start
 
 try:
@@ -92,7 +92,9 @@ def solve_with_ipopt(scene, maxh, order=2, multiplier_order=None, quadrature=Non
     problem.unknowns[program.unknowns] = np.array(answer["x"]).ravel()
     reason = Reason.CONVERGED if stats["success"] else Reason.BLOCKED
     energy, steps = float(answer["f"]), stats["iter_count"]
-    result = Result(scene, problem.state, reason, energy, steps, seconds, [], settings)
+    result = Result(
+        scene, problem.state, reason, energy, steps, seconds, [], settings, problem.sheet
+    )
     history = np.array(watch.rows) * (1.0, scene.copies / (2 * np.pi), 1.0)
     return Outcome(result, setup, stats["return_status"], history)
 
@@ -100,7 +102,8 @@ def solve_with_ipopt(scene, maxh, order=2, multiplier_order=None, quadrature=Non
 def discretise(scene, maxh, order, multiplier_order, quadrature):
     """ngcloth's problem on ngcloth's mesh, at the scene's start, made feasible."""
     space = order, quadrature, "umfpack", multiplier_order
-    problem = ClosedFormLagrangian(scene, make_mesh(scene, maxh, order), *space)
+    *_, sheet = make_sheets(scene, maxh, order)
+    problem = ClosedFormLagrangian(scene, sheet, *space)
     feasible_start(problem)
     return problem
 
@@ -205,8 +208,8 @@ class Program:
         v = at_points(problem.fes, (inside, on_rim), (2, 3))
         held, psi, v = psi @ state, psi[:, self.unknowns.tolist()], v[:, multipliers.tolist()]
         families = (inside, inside.weights), (on_rim, np.zeros(len(on_rim)))
-        surface, n = problem.scene.surface, len(inside) + len(on_rim)
-        geometry = np.hstack([geometry_at_points(surface, *family) for family in families])
+        n = len(inside) + len(on_rim)
+        geometry = np.hstack([geometry_at_points(problem.sheet, *family) for family in families])
         kernels = point_kernels(problem.scene.fabric, problem.scene.constraints)
         values, firsts, seconds = (kernel.map(n) for kernel in kernels)
         n_v, n_slacks = v.size2(), values.numel_out(2)
@@ -249,9 +252,9 @@ def at_points(fes, families, components):
     return ca.DM.triplet(rows.tolist(), columns.tolist(), values.tolist(), *shape)
 
 
-def geometry_at_points(surface, points, weights):
+def geometry_at_points(sheet, points, weights):
     """Weight, a and b at the points, (7, points)."""
-    tensors = surface.metric, surface.curvature
+    tensors = sheet.metric, sheet.curvature
     entries = [tensor[i] for tensor in tensors for i in ((0, 0), (0, 1), (1, 1))]
     return np.vstack([weights, points.sample(ngs.CF(tuple(entries)))])
 

@@ -24,7 +24,7 @@ from timed_solves import SCENES
 
 import ngcloth
 from ngcloth.chebyshev import ChebyshevNet
-from ngcloth.solver.solve import LINEARISATIONS, make_mesh
+from ngcloth.solver.solve import LINEARISATIONS, make_sheets
 from ngcloth.solver.start import feasible_start
 
 SHORT = 10  # repeat solves shorter than this many seconds, and take the best
@@ -162,8 +162,8 @@ def linearised(name, linearisation, maxh):
     """CPU seconds of a Newton matrix and of a solve by default settings, and its Newton steps."""
     ngs.SetNumThreads(1)
     scene = SCENES[name]()
-    mesh = make_mesh(scene, maxh, order=2)
-    problem = LINEARISATIONS[linearisation](scene, mesh, 2, 6, "sparsecholesky", 2)
+    *_, sheet = make_sheets(scene, maxh, order=2)
+    problem = LINEARISATIONS[linearisation](scene, sheet, 2, 6, "sparsecholesky", 2)
     feasible_start(problem)
     c = problem.slacks()
     matrices, runs = [], []

@@ -6,13 +6,13 @@ import numpy as np
 from ngcloth import Disk, Elongation, Net, Scene, ShearLimit, Surface
 from ngcloth.energy.closed_form import ClosedFormLagrangian
 from ngcloth.scenes import hemicatenoid, sphere
-from ngcloth.solver.solve import make_mesh
+from ngcloth.solver.solve import make_sheets
 
 
 def discretised(scene, maxh=0.4, order=2, quadrature=None, kind=ClosedFormLagrangian):
     quadrature = 2 * order + 2 if quadrature is None else quadrature
-    mesh = make_mesh(scene, maxh, order)
-    return kind(scene, mesh, order, quadrature, "umfpack", order)
+    *_, sheet = make_sheets(scene, maxh, order)
+    return kind(scene, sheet, order, quadrature, "umfpack", order)
 
 
 def vector(problem):
@@ -70,7 +70,7 @@ def assert_strictly_feasible(result):
     settings = result.settings
     problem = ClosedFormLagrangian(
         result.scene,
-        result.state.space.mesh,
+        result.sheet,
         settings["order"],
         settings["quadrature"],
         settings["inverse"],

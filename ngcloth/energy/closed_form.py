@@ -124,12 +124,12 @@ class ClosedFormLagrangian(ConstrainedLagrangian):
     # How it is put together ---------------------------------------------------------------
 
     def _limits_on_rim(self):
-        surface, points = self.scene.surface, self.rim_points
+        sheet, points = self.sheet, self.rim_points
 
         def frozen(tensor):
             return self._frozen_symmetric(ngs.BoundaryFromVolumeCF(tensor), points)
 
-        tensors = frozen(surface.metric), self.scene.fabric, lambda: frozen(surface.curvature)
+        tensors = frozen(sheet.metric), self.scene.fabric, lambda: frozen(sheet.curvature)
         sampling = Sampling(self.fes.components[0], points)
         cloth = SampledCloth(self.state, sampling, points, *tensors)
         return SampledLimits(cloth, self._slacks(cloth), self.weights[len(self.points) :])

@@ -54,9 +54,9 @@ class ConstrainedLagrangian(Discretisation):
         A change of `state`, for `slack_changes`.
     """
 
-    def __init__(self, scene, mesh, order, quadrature, inverse, multiplier_order):
+    def __init__(self, scene, sheet, order, quadrature, inverse, multiplier_order):
         self._multiplier_order = multiplier_order
-        super().__init__(scene, mesh, order, quadrature, inverse)
+        super().__init__(scene, sheet, order, quadrature, inverse)
         self.direction = ngs.GridFunction(self.fes)
         surface_area = self.points.sample(ngs.sqrt(ngs.Det(self._metric)))[0]
         self.weights = self.points.weights * surface_area
@@ -64,8 +64,8 @@ class ConstrainedLagrangian(Discretisation):
             limit.name for limit in scene.constraints for _ in limit.slacks(self._cloth)
         ]
         if self.slack_names:
-            self.rim_points = RimPoints(mesh, quadrature)
-            metric = ngs.BoundaryFromVolumeCF(scene.surface.metric)
+            self.rim_points = RimPoints(sheet.mesh, quadrature)
+            metric = ngs.BoundaryFromVolumeCF(sheet.metric)
             length = self.rim_points.weights * self.rim_points.sample(_stretch_along_rim(metric))[0]
             self._rim_share = RIM_SHARE * self.area / length.sum()
             self.weights = np.concatenate([self.weights, self._rim_share * length])
@@ -104,7 +104,7 @@ class ConstrainedLagrangian(Discretisation):
         if self.slack_names:
             slacks = self._slacks(self._on_rim(*trial[:2]))
             at_rim = sum(map(_limit, slacks, on_rim), ngs.CF(0.0))
-            at_rim *= self._rim_share * _stretch_along_rim(self.scene.surface.metric)
+            at_rim *= self._rim_share * _stretch_along_rim(self.sheet.metric)
             lagrangian += ngs.Variation(at_rim.Compile() * self.rim_points.seen)
         return lagrangian
 
@@ -177,7 +177,7 @@ class ConstrainedLagrangian(Discretisation):
 
     @cached_property
     def _curvature(self):
-        return self._frozen_symmetric(self.scene.surface.curvature)
+        return self._frozen_symmetric(self.sheet.curvature)
 
     @cached_property
     def _surface_area(self):
@@ -189,8 +189,8 @@ class ConstrainedLagrangian(Discretisation):
 
     def _on_rim(self, psi1, psi2):
         """The cloth on the rim, where geometry enters as expressions."""
-        surface = self.scene.surface
-        tensors = surface.metric, self.scene.fabric, lambda: surface.curvature
+        sheet = self.sheet
+        tensors = sheet.metric, self.scene.fabric, lambda: sheet.curvature
         return Kinematics(gradient(psi1, psi2), *tensors)
 
 

@@ -32,8 +32,8 @@ class Discretisation:
     Parameters
     ----------
     scene : Scene
-    mesh : ngsolve.Mesh
-        Curved to `order`.
+    sheet : Sheet
+        The surface on the mesh, which is curved to `order` if it has curved edges.
     order : int
         Polynomial order of ψ.
     quadrature : int
@@ -59,8 +59,9 @@ class Discretisation:
         Inner product of the gradient flow.
     """
 
-    def __init__(self, scene, mesh, order, quadrature, inverse):
-        self.scene, self.inverse, self.mu = scene, inverse, 0.0
+    def __init__(self, scene, sheet, order, quadrature, inverse):
+        self.scene, self.sheet, self.inverse, self.mu = scene, sheet, inverse, 0.0
+        mesh = sheet.mesh
         mirrors = ("mirror1", "mirror2") if scene.symmetric else ("", "")
         self.fes = ngs.FESpace(self._spaces(mesh, order, mirrors))
         self.state = ngs.GridFunction(self.fes, name="state")
@@ -75,7 +76,7 @@ class Discretisation:
         self.points = Points(mesh, quadrature)
         # Geometry enters as numbers at the integration points, not as expressions of θ: any
         # chart then costs what the simplest one does.
-        self._metric = self._frozen_symmetric(scene.surface.metric)
+        self._metric = self._frozen_symmetric(sheet.metric)
         self.area = ngs.Integrate(ngs.sqrt(ngs.Det(self._metric)) * self.points.dx, mesh)
         self.flow = self._h1_matrix(0)
 
@@ -102,7 +103,7 @@ class Discretisation:
         values = points.sample(ngs.CF(expressions).Compile())
         if not np.isfinite(values).all():
             allowed = "finite with its derivatives at all integration points"
-            raise InputError("chart", self.scene.surface.chart, allowed)
+            raise InputError("surface", self.scene.surface, allowed)
         return [points.field(row) for row in values]
 
     def _frozen_symmetric(self, tensor, points=None):

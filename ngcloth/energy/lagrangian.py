@@ -14,14 +14,14 @@ class Lagrangian(Discretisation):
 
     Parameters
     ----------
-    scene, mesh, order, quadrature, inverse
+    scene, sheet, order, quadrature, inverse
         As for `Discretisation`.
     gauss_newton : bool
         Whether `hessian` is the Gauss-Newton matrix of a Chebyshev scene, unless asked otherwise.
     """
 
-    def __init__(self, scene, mesh, order, quadrature, inverse, gauss_newton):
-        super().__init__(scene, mesh, order, quadrature, inverse)
+    def __init__(self, scene, sheet, order, quadrature, inverse, gauss_newton):
+        super().__init__(scene, sheet, order, quadrature, inverse)
         here = self._kinematics(self.state.components)
         self._jacobian, self._shear = here.jacobian.Compile(), here.shear.Compile()
         self._stretches = ngs.CF((here.stretch1, here.stretch2)).Compile()

@@ -9,9 +9,7 @@ import numpy as np
 
 from ..errors import InputError, check_integer, check_number
 from ._kernel import lattice
-from .flatten import FlatteningError, corner_angles, flatten
-from .sheet import Sheet
-from .topology import topology
+from .sheet import planar_mesh, sheet_through
 
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}  # in mm
 SHARP = 5.0  # degrees
@@ -64,6 +62,10 @@ class FileSurface(ABC):
         Length of the edges inside at which the surface turns by more than 5°.
     least_radius : float
         Of curvature, over the nodes of a mesh of a twelfth of the size.
+    survey : Sheet
+        The surface on that mesh.
+    rough : bool
+        Whether there is too much noise for curvature, and for the reaction of the surface.
 
     Raises
     ------
@@ -96,7 +98,7 @@ class FileSurface(ABC):
         list of Level
         """
 
-    def sheets(self, maxh, order, coarser=0):
+    def sheets(self, maxh, order, coarser=0, symmetric=False):
         """Charts on planar meshes for a solve, the coarsest first.
 
         Parameters
@@ -108,6 +110,9 @@ class FileSurface(ABC):
         coarser : int, optional
             How many meshes come before it, each of twice the element size of the next, which is
             a refinement of it. Default 0.
+        symmetric : bool, optional
+            Whether edges of a CAD file that are named "mirror1" and "mirror2" keep these names, as
+            mirror lines. By default all edges are "rim".
 
         Returns
         -------
@@ -117,10 +122,14 @@ class FileSurface(ABC):
         order, coarser = check_integer("order", order, 1), check_integer("coarser", coarser, 0)
         orders = (order, curvature_order(order))
         levels = self.levels(maxh * 2**coarser, orders, coarser + 1)
-        return _sheets(levels, self.side)
+        return _sheets(levels, self.side, symmetric)
 
     def _survey(self, argument, value):
         """Look at it on a coarse mesh, and refuse what is no disk."""
+        # SciPy is not imported with ngcloth: it takes time, and sets filters of warnings.
+        from .flatten import FlatteningError
+        from .topology import topology
+
         (level,) = self.levels(self.size / SURVEY, (2, 4), 1)
         self.topology, turned = topology(level.triangles)
         fault = self.topology.fault or _tube(level, self.topology.rims)
@@ -130,6 +139,7 @@ class FileSurface(ABC):
         self.sharp = _sharp(level, turned)
         try:
             (sheet,) = _sheets([level], self.side)
+            self.survey = sheet
         except FlatteningError as error:
             raise InputError(argument, value, f"a surface that can be laid flat; {error}") from None
         mean, gauss = sheet.mean_curvature, sheet.gauss_curvature
@@ -139,6 +149,13 @@ class FileSurface(ABC):
         self.area = ngs.Integrate(
             ngs.sqrt(ngs.Det(sheet.metric)) * ngs.dx(bonus_intorder=4), sheet.mesh
         )
+
+    rough = False
+
+    @property
+    def diameter(self):
+        """Of a disk of the same area."""
+        return float(np.sqrt(4 / np.pi * self.area))
 
     @property
     def size(self):
@@ -168,8 +185,11 @@ def curvature_order(order):
     return order + order % 2
 
 
-def _sheets(levels, side):
+def _sheets(levels, side, symmetric=False):
     """Charts on planar meshes, each a refinement of the one before; the coarsest is flattened."""
+    from .flatten import flatten
+    from .topology import topology
+
     charts, flat = [], None
     for level in levels:
         found, turned = topology(level.triangles)
@@ -184,9 +204,10 @@ def _sheets(levels, side):
             flat = flatten(level.vertices, triangles, rims)
         segments = np.concatenate([np.stack([rim, np.roll(rim, -1)], axis=-1) for rim in rims])
         keys = map(tuple, np.sort(segments, axis=1).tolist())
-        names = np.array([level.names.get(key, "rim") for key in keys])
+        known = level.names if symmetric else {}
+        names = np.array([known.get(key, "rim") for key in keys])
         nodes = {order: _swapped(nodes, turned, order) for order, nodes in level.nodes.items()}
-        charts.append(Sheet(flat, triangles, segments, names, nodes))
+        charts.append(sheet_through(planar_mesh(flat, triangles, segments, names), nodes))
     return charts
 
 
@@ -203,6 +224,8 @@ def _tube(level, rims):
 
     The geodesic curvature of the rim of a hole adds up to −2π in a plane, and to 0 on a tube.
     """
+    from .flatten import corner_angles
+
     angles = corner_angles(level.vertices, level.triangles)
     sums = np.bincount(level.triangles.ravel(), angles.ravel(), len(level.vertices))
     turning = sorted(float(np.sum(np.pi - sums[rim])) for rim in rims)

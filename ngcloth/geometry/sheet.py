@@ -1,5 +1,7 @@
 """A curved triangulation in space as a chart on a flat copy of its triangles."""
 
+from dataclasses import dataclass, field
+
 import netgen.meshing
 import ngsolve as ngs
 import numpy as np
@@ -7,52 +9,87 @@ import numpy as np
 from ._kernel import lattice
 
 
+@dataclass(frozen=True)
 class Sheet:
-    """The chart φ on a planar, straight-sided mesh: a polynomial on each triangle.
+    """A surface on the mesh of a solve: expressions of θ that hold there.
+
+    Attributes
+    ----------
+    mesh : ngsolve.Mesh
+        Planar.
+    position : CoefficientFunction, (3,)
+        φ.
+    tangents : tuple of CoefficientFunction, (3,)
+        ∂1φ and ∂2φ.
+    normal : CoefficientFunction, (3,)
+        Unit normal, on the side of the cloth.
+    metric, curvature : CoefficientFunction, (2, 2)
+        First and second fundamental form. On the rim of a surface from a file NGSolve knows them
+        but from the triangles there, by ``BoundaryFromVolumeCF``.
+    shape : CoefficientFunction, (2, 2)
+        a⁻¹ b, whose eigenvalues are the principal curvatures.
+    side : {1, -1}
+        The normal is that of ``side * ∂1φ × ∂2φ``.
+    nodes : dict
+        What `sheet_through` made it of; empty for a chart.
+    """
+
+    mesh: ngs.Mesh
+    position: ngs.CoefficientFunction
+    tangents: tuple
+    normal: ngs.CoefficientFunction
+    metric: ngs.CoefficientFunction
+    curvature: ngs.CoefficientFunction
+    shape: ngs.CoefficientFunction
+    side: int = 1
+    nodes: dict = field(default_factory=dict)
+
+    @property
+    def mean_curvature(self):
+        """Half the sum of the principal curvatures."""
+        return ngs.Trace(self.shape) / 2
+
+    @property
+    def gauss_curvature(self):
+        """The product of the principal curvatures."""
+        return ngs.Det(self.shape)
+
+
+def sheet_through(mesh, nodes):
+    """The surface through nodes, a polynomial on each triangle of a straight-sided mesh.
 
     It is continuous, and smooth inside triangles alone; so the metric jumps from one to the next.
 
     Parameters
     ----------
-    flat : ndarray, (n, 2)
-        Vertices of the planar mesh.
-    triangles : ndarray of int, (m, 3)
-        Counter-clockwise, the surface seen from the side of the cloth.
-    segments : ndarray of int, (s, 2)
-        Edges of the rim.
-    names : ndarray of str, (s,)
-        Their names, "rim", "mirror1" or "mirror2".
+    mesh : ngsolve.Mesh
+        As of `planar_mesh`, counter-clockwise seen from the side of the cloth.
     nodes : dict
         By the order of φ, the nodes (m, (order + 1)(order + 2)/2, 3) of `lattice` in space, of two
-        orders or of one. The metric is of the lower order, that of ψ; normal and curvature are of
-        the higher.
+        orders or of one. Position, tangents and metric are of the lower order, that of ψ; normal
+        and curvature are of the higher, and as precise.
 
-    Attributes
-    ----------
-    mesh : ngsolve.Mesh
-    position : CoefficientFunction, (3,)
-        φ.
-    metric, curvature : CoefficientFunction, (2, 2)
-        First and second fundamental form, of φ and of the φ of higher order. Both can be sampled
-        on the rim as well.
-    normal : CoefficientFunction, (3,)
-        Unit normal, on the side of the cloth.
-    mean_curvature, gauss_curvature : CoefficientFunction
-        Of the φ of higher order alone, as precise as it is.
+    Returns
+    -------
+    Sheet
     """
-
-    def __init__(self, flat, triangles, segments, names, nodes):
-        self.mesh = planar_mesh(flat, triangles, segments, names)
-        lower, higher = min(nodes), max(nodes)
-        self.position, tangents, _ = _chart(self.mesh, lower, nodes[lower])
-        self.metric = _products(tangents)
-        _, tangents, hessians = _chart(self.mesh, higher, nodes[higher])
-        across = ngs.Cross(*tangents)
-        self.normal = across / ngs.Norm(across)
-        x, y, z = (self.normal[i] * hessians[i] for i in range(3))
-        self.curvature = x + y + z
-        shape = ngs.Inv(_products(tangents)) * self.curvature
-        self.mean_curvature, self.gauss_curvature = ngs.Trace(shape) / 2, ngs.Det(shape)
+    lower, higher = min(nodes), max(nodes)
+    position, tangents, _ = _chart(mesh, lower, nodes[lower])
+    _, finer, hessians = _chart(mesh, higher, nodes[higher])
+    across = ngs.Cross(*finer)
+    normal = across / ngs.Norm(across)
+    x, y, z = (normal[i] * hessians[i] for i in range(3))
+    curvature = x + y + z
+    return Sheet(
+        mesh=mesh,
+        position=position,
+        tangents=tuple(tangents),
+        normal=normal,
+        metric=_products(tangents),
+        curvature=curvature,
+        shape=ngs.Inv(_products(finer)) * curvature,
+        nodes=nodes,
+    )
 
 
 def _products(tangents):
@@ -81,9 +118,8 @@ def _chart(mesh, order, nodes):
     for elements, shapes, dofs in _elements(chart.components[0].space):
         values = np.linalg.solve(shapes, nodes[elements])
         coefficients[:, dofs] = values.transpose(2, 0, 1)
-    # On edges of the rim, NGSolve knows but the derivatives along them.
-    gradients = [ngs.BoundaryFromVolumeCF(ngs.Grad(part)) for part in chart.components]
-    hessians = [ngs.BoundaryFromVolumeCF(part.Operator("hesse")) for part in chart.components]
+    gradients = [ngs.Grad(part) for part in chart.components]
+    hessians = [part.Operator("hesse") for part in chart.components]
     tangents = [ngs.CF(tuple(gradient[i] for gradient in gradients)) for i in (0, 1)]
     return ngs.CF(tuple(chart.components)), tangents, hessians
 

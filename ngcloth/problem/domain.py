@@ -8,6 +8,7 @@ from ..errors import InputError, check_integer, check_number
 
 # OpenCascade merges points within 1e-7; Netgen leaves parts of far larger or thinner faces bare.
 SMALLEST, LARGEST, LONGEST = 1e-5, 1e6, 1e4
+INWARDS = 1e-9  # of the way to the middle of a triangle
 
 
 class Domain:
@@ -169,3 +170,103 @@ class Rectangle(Domain):
 
         (low1, high1), (low2, high2) = self.box
         return MoveTo(low1, low2).Rectangle(high1 - low1, high2 - low2).Face()
+
+
+class MeshDomain(Domain):
+    """The region that a planar mesh with straight edges covers, with or without holes.
+
+    Parameters
+    ----------
+    mesh : ngsolve.Mesh
+
+    Attributes
+    ----------
+    rims : list of ndarray, (n, 2)
+        The vertices around the region, counter-clockwise from the largest θ1, and then those
+        around each hole, clockwise.
+    triangles : ndarray, (m, 3, 2)
+        Corners.
+    """
+
+    def __init__(self, mesh):
+        self._mesh = mesh
+        vertices = mesh.ngmesh.Coordinates()[:, :2]
+        triangles = mesh.ngmesh.Elements2D().NumPy()["nodes"][:, :3] - 1
+        self.triangles = vertices[triangles]
+        edges = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+        there, back = edges @ [len(vertices), 1], edges @ [1, len(vertices)]
+        once = ~np.isin(there, back)
+        self._ends = vertices[edges[once]]
+        self._beside = np.repeat(self.triangles.mean(axis=1), 3, axis=0)[once]
+        after, rims = dict(edges[once].tolist()), []
+        while after:
+            start, number = after.popitem()
+            rim = [start]
+            while number != start:
+                rim.append(number)
+                number = after.pop(number)
+            rims.append(vertices[rim])
+        outer = max(range(len(rims)), key=lambda i: rims[i][:, 0].max())
+        first = rims.pop(outer)
+        self.rims = [np.roll(first, -int(np.argmax(first[:, 0])), axis=0), *rims]
+
+    @property
+    def box(self):
+        """Bounding box ((low1, high1), (low2, high2))."""
+        return tuple(
+            zip(*(f(self.rims[0], axis=0).tolist() for f in (np.min, np.max)), strict=True)
+        )
+
+    @property
+    def centre(self):
+        """A point (θ1, θ2) of the region, about in its middle."""
+        middles = self.triangles.mean(axis=1)
+        return middles[np.argmin(np.linalg.norm(middles - super().centre, axis=1))]
+
+    def contains(self, theta, tolerance=1e-9):
+        """Whether points `theta`, shape (..., 2), lie in the closed region; a boolean array."""
+        theta = np.asarray(theta, dtype=float)
+        points = theta.reshape(-1, 2)
+        within = self._mesh(*points.T)["nr"] >= 0
+        outside = np.flatnonzero(~within)
+        near, _ = self._nearest(points[outside])
+        distance = np.linalg.norm(near - points[outside], axis=1)
+        within[outside] = distance <= tolerance * self.diameter
+        return within.reshape(theta.shape[:-1])
+
+    def rim(self, n, which=0):
+        """`n` points around the rim, counter-clockwise from the largest θ1, shape (n, 2).
+
+        They are equally spaced in the plane. `which` > 0 names a hole, around which they run
+        clockwise.
+        """
+        n = check_integer("n", n, 1)
+        closed = np.concatenate([self.rims[which], self.rims[which][:1]])
+        lengths = np.cumsum(np.r_[0, np.linalg.norm(np.diff(closed, axis=0), axis=1)])
+        at = lengths[-1] * np.arange(n) / n
+        return np.stack([np.interp(at, lengths, closed[:, i]) for i in (0, 1)], axis=-1)
+
+    def located(self, theta):
+        """Points of the mesh at `theta`, (n, 2), or, where rounding puts them outside, beside."""
+        points = self._mesh(*theta.T)
+        missing = points["nr"] < 0
+        if missing.any():
+            theta = theta.copy()
+            near, beside = self._nearest(theta[missing])
+            theta[missing] = near + INWARDS * (beside - near)
+            points = self._mesh(*theta.T)
+        return points
+
+    def _nearest(self, points):
+        """The nearest points of the rims, and the middles of the triangles there; each (n, 2)."""
+        near, beside = np.empty_like(points), np.empty_like(points)
+        start, end = self._ends[:, 0], self._ends[:, 1]
+        along = end - start
+        for i, point in enumerate(points):
+            share = np.einsum("ni,ni->n", point - start, along) / np.einsum(
+                "ni,ni->n", along, along
+            )
+            feet = start + np.clip(share, 0, 1)[:, None] * along
+            least = np.argmin(np.linalg.norm(feet - point, axis=1))
+            near[i], beside[i] = feet[least], self._beside[least]
+        return near, beside

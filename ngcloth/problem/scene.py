@@ -2,13 +2,17 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import ngsolve as ngs
 import numpy as np
 from netgen.meshing import NgException
 
 from ..errors import InputError, check_number
+from ..geometry.file_surface import FileSurface
 from . import returned
+from .constraints import Obstacle
+from .domain import Disk
 from .fabric import STIFFNESSES, Net
 from .kinematics import Kinematics
 from .states import MIRRORS, SAME, States
@@ -26,7 +30,7 @@ class Scene:
     Parameters
     ----------
     surface : Surface
-        The target surface N = φ(U).
+        The target surface N = φ(U), by a chart or from a file.
     fabric : Net
         The strain energy W(I4, I6, I8) of the cloth.
     constraints : sequence, optional
@@ -36,7 +40,8 @@ class Scene:
     start : (float, float) or callable, optional
         First guess of ψ: a pair (s1, s2) means ψ = (s1 θ1, s2 θ2); a callable of (θ1, θ2) returns
         the two components as NGSolve expressions. Only its gradient matters, ψ being free up to a
-        translation. By default the pair that makes both stretches 1 in the mean. With limits, a
+        translation. By default the pair that makes both stretches 1 in the mean; for surfaces from
+        files θ is a flattening as rigid as possible, and the pair is (1, 1). With limits, a
         guess far from isometric is flattened first, and one outside them scaled.
     cost : callable, optional
         A cost density χ per flat area to minimise in place of the strain energy: a function of a
@@ -44,7 +49,7 @@ class Scene:
         held to in-plane equilibrium even without constraints.
     symmetric : bool, optional
         Solve on a quarter of the domain, with mirror lines through its centre: ψ1 odd and ψ2 even
-        across θ1 = centre, ψ2 odd and ψ1 even across θ2 = centre. Default False.
+        across θ1 = centre, ψ2 odd and ψ1 even across θ2 = centre. Default False; for charts only.
     tie_break : float, optional
         For surfaces whose Chebyshev net is not unique: choose one by adding ε/2 times ∫ |∇∇∇ψ|²
         (as the variation of ∇∇ψ in each element, and with a little of ∫ |∇∇ψ|²) to E/kc, and so
@@ -83,7 +88,7 @@ class Scene:
     recipe = None
 
     def __post_init__(self):
-        if not isinstance(self.surface, Surface):
+        if not isinstance(self.surface, Surface | FileSurface):
             raise InputError("surface", self.surface, "an ngcloth.Surface")
         if isinstance(self.fabric, type) or not callable(getattr(self.fabric, "energy", None)):
             raise InputError(
@@ -102,6 +107,8 @@ class Scene:
             raise InputError("cost", self.cost, "a callable of a Kinematics, or None")
         if not isinstance(self.symmetric, bool):
             raise InputError("symmetric", self.symmetric, "True or False")
+        if isinstance(self.surface, FileSurface):
+            self._check_file()
         if not (isinstance(self.name, str) and self.name.isprintable()):
             raise InputError("name", self.name, "a text of one line, without control characters")
         self._check_energy()
@@ -136,18 +143,31 @@ class Scene:
         """2π kc, the unit in which the paper gives energies."""
         return 2 * np.pi * self.fabric.stiffness
 
+    @cached_property
+    def tried_on(self):
+        """The surface on which functions of the user's own are tried: this one, if it has a chart.
+
+        Otherwise it is a cap of the same size.
+        """
+        if isinstance(self.surface, Surface):
+            return self.surface
+        size = self.surface.size
+        return Surface(lambda x, y: (x, y, (x * x + y * y / 2) / size), Disk(size / 2))
+
     def start_expression(self):
         """The first guess, a pair of NGSolve expressions of x = θ1, y = θ2, zero at the centre."""
-        start = self.start
+        start, chart = self.start, self.tried_on
         if callable(start):
             told = "start", start, "start(θ1, θ2)", "two components of ψ"
             psi = returned.vector(*told, 2, start)
         else:
-            if start is None:
-                metric = self.surface.evaluate(self.surface.metric, self.surface.domain.sample())
+            if start is None and chart is not self.surface:
+                start = 1.0, 1.0
+            elif start is None:
+                metric = chart.evaluate(chart.metric, chart.domain.sample())
                 start = np.sqrt(np.diagonal(metric, axis1=1, axis2=2)).mean(axis=0)
             psi = ngs.CF((float(start[0]) * ngs.x, float(start[1]) * ngs.y))
-        at_centre = self.surface.evaluate(psi, self.surface.domain.centre)
+        at_centre = chart.evaluate(psi, chart.domain.centre)
         return psi[0] - float(at_centre[0]), psi[1] - float(at_centre[1])
 
     def _check_energy(self):
@@ -161,12 +181,12 @@ class Scene:
             text = " ".join(str(error).split())
             allowed = f"`energy(I4, I6, I8)` must have derivatives ({text})"
             raise InputError("fabric", fabric, allowed) from error
-        points = self.surface.domain.sample(5)
+        points = self.tried_on.domain.sample(5)
         values = []
         for state in UNDEFORMED, *STRETCHED:
             for invariant, value in zip(invariants, state, strict=True):
                 invariant.Set(value)
-            values.append(self.surface.evaluate(stress, points))
+            values.append(self.tried_on.evaluate(stress, points))
         if not np.isfinite(values[0]).all():
             allowed = "energy and derivatives must be finite at I4 = I6 = 1, I8 = 0"
             raise InputError("fabric", fabric, allowed)
@@ -211,11 +231,19 @@ class Scene:
         slopes = ngs.CF(
             tuple(psi.Diff(theta) for psi in (psi1, psi2) for theta in (ngs.x, ngs.y)), dims=(2, 2)
         )
-        cloth = Kinematics(slopes, self.surface.metric)
+        whole = isinstance(self.surface, Surface)
+        sheet = self.surface if whole else self.surface.survey
+        cloth = Kinematics(slopes, sheet.metric)
         energy = self.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
-        domain = self.surface.domain
-        points = domain.sample()
-        values = self.surface.evaluate(ngs.CF((cloth.jacobian, energy)), points)
+        checked = ngs.CF((cloth.jacobian, energy))
+        if whole:
+            points = self.surface.domain.sample()
+            values = self.surface.evaluate(checked, points)
+        else:
+            rule = ngs.IntegrationRule(ngs.TRIG, 2)
+            points = sheet.mesh.MapToAllElements(rule, ngs.VOL)
+            values = checked.Compile()(points)
+            points = ngs.CF((ngs.x, ngs.y))(points)
         values = np.where(np.isfinite(values), values, np.nan)
         worst = int(np.argmin(values[:, 0]))  # a NaN, if there is one
         if not values[worst, 0] > 0:
@@ -232,7 +260,7 @@ class Scene:
                 "start", self.start, f"the fabric has no finite energy there at θ = {where}"
             )
         if self.symmetric:
-            psi = ngs.CF((psi1, psi2))
+            psi, domain = ngs.CF((psi1, psi2)), self.surface.domain
             here = self.surface.evaluate(psi, points)
             for axis, flip in enumerate([(-1, 1), (1, -1)]):
                 image = points.copy()
@@ -244,8 +272,24 @@ class Scene:
                     )
         return slopes
 
+    def _check_file(self):
+        """What cannot be asked of a surface from a file."""
+        if self.symmetric:
+            raise InputError("symmetric", True, "False for a surface from a file")
+        if not any(isinstance(limit, Obstacle) for limit in self.constraints):
+            return
+        sharp, noise = self.surface.sharp, self.surface.rough
+        if sharp or noise:
+            found = f"edges sharper than 5°, {sharp:.3g} {self.surface.unit} of them"
+            found = "too much noise for its curvature" if noise else found
+            allowed = f"no Obstacle on this surface, whose reaction is not known: it has {found}"
+            raise InputError("constraints", self.constraints, allowed)
+
     def __str__(self):
-        domain = f"{self.surface.domain}" + (", one quarter" if self.symmetric else "")
+        if isinstance(self.surface, FileSurface):
+            domain = str(self.surface).partition("\n")[0]
+        else:
+            domain = f"{self.surface.domain}" + (", one quarter" if self.symmetric else "")
         terms = ["E(ψ), the strain energy" if self.cost is None else "∫ J χ, a cost of its own"]
         if self.tie_break:
             terms.append(f"ε/2 ∫ |∇∇∇ψ|² down to ε = {self.tie_break:g}, to choose among nets")

@@ -34,13 +34,13 @@ class States:
     """
 
     def __init__(self, scene, start_slopes):
-        self._scene, self._surface = scene, scene.surface
-        low, high = self._box = np.array(scene.surface.domain.box, dtype=float).T
+        self._scene, self._surface = scene, scene.tried_on
+        low, high = self._box = np.array(self._surface.domain.box, dtype=float).T
         middles = low + (high - low) * (np.arange(PLACES)[:, None] + 0.5) / PLACES
         places = np.stack(np.meshgrid(*middles.T), axis=-1)
-        self._known = scene.surface.domain.contains(places)
+        self._known = self._surface.domain.contains(places)
         self._places = places[self._known]
-        values, vectors = np.linalg.eigh(self._at(scene.surface.metric))
+        values, vectors = np.linalg.eigh(self._at(self._surface.metric))
         root = (vectors * np.sqrt(values)[:, None]) @ vectors.swapaxes(1, 2)
         scattered, turn = _scattered(len(root))
         start = self._at(start_slopes)

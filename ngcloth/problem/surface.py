@@ -9,6 +9,7 @@ from netgen.meshing import NgException
 from ngsolve.meshes import MakeStructured2DMesh
 
 from ..errors import InputError
+from ..geometry.sheet import Sheet
 from . import returned
 from .domain import Domain
 from .heights import Heights
@@ -101,6 +102,20 @@ class Surface:
             raise InputError("domain", domain, f"a part of the grid's {rectangle}")
         return cls(heights, domain, side)
 
+    @staticmethod
+    def from_cad(path, faces=None, unit="mm", side=1):
+        """Read a surface from a CAD file, see `ngcloth.geometry.cad.from_cad`."""
+        from ..geometry.cad import from_cad
+
+        return from_cad(path, faces, unit, side)
+
+    @staticmethod
+    def from_mesh(source, unit="mm", smoothing="auto", side=1):
+        """Make a surface from facets, see `ngcloth.geometry.facets.from_mesh`."""
+        from ..geometry.facets import from_mesh
+
+        return from_mesh(source, unit, smoothing, side)
+
     def __reduce__(self):
         # NGSolve's expressions are made anew from the chart.
         return type(self), (self.chart, self.domain, self.side)
@@ -119,6 +134,24 @@ class Surface:
     def curvature(self):  # noqa: D102
         b11, b12, b22 = (ngs.InnerProduct(bend, self.normal) for bend in self._bends)
         return ngs.CF((b11, b12, b12, b22), dims=(2, 2))
+
+    @property
+    def diameter(self):
+        """Of the domain."""
+        return self.domain.diameter
+
+    def on(self, mesh):
+        """The surface on a mesh of the domain, a `Sheet`."""
+        return Sheet(
+            mesh=mesh,
+            position=self.position,
+            tangents=tuple(self._tangents),
+            normal=self.normal,
+            metric=self.metric,
+            curvature=self.curvature,
+            shape=ngs.Inv(self.metric) * self.curvature,
+            side=self.side,
+        )
 
     @cached_property
     def _frame(self):

@@ -20,7 +20,7 @@ def equilibrium_residual(result):
         See `Result.equilibrium_residual`.
     """
     scene, mesh = result.scene, result.state.space.mesh
-    metric, order = scene.surface.metric, result.settings["order"] + 1
+    metric, order = result.sheet.metric, result.settings["order"] + 1
     mirrors = ["mirror1", "mirror2"] if scene.symmetric else ["", ""]
     space = ngs.FESpace([ngs.H1(mesh, order=order, dirichlet=line) for line in mirrors])
     v, rule = space.TestFunction(), ngs.dx(bonus_intorder=2 * order)

@@ -97,7 +97,13 @@ def restored(files, scene=None, folder="pickle"):
     with _reading(folder, "history.csv"):
         history = _history(files["history.csv"])
     result = Result(
-        scene=scene, state=state, reason=reason, history=history, settings=settings, **numbers
+        scene=scene,
+        state=state,
+        reason=reason,
+        history=history,
+        settings=settings,
+        sheet=scene.surface.on(mesh),
+        **numbers,
     )
     with _reading(folder, "result.json"):
         _check_against_psi(result, record.get("summary", {}))
@@ -342,10 +348,8 @@ def _within_limits(result):
 
 
 def _cloth(result):
-    surface, psi = result.scene.surface, result.state.components[:2]
-    return Kinematics(
-        gradient(*psi), surface.metric, result.scene.fabric, lambda: surface.curvature
-    )
+    sheet, psi = result.sheet, result.state.components[:2]
+    return Kinematics(gradient(*psi), sheet.metric, result.scene.fabric, lambda: sheet.curvature)
 
 
 def _rule(result):

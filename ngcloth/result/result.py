@@ -7,7 +7,10 @@ import ngsolve as ngs
 import numpy as np
 
 from ..errors import InputError
+from ..geometry.file_surface import FileSurface
+from ..geometry.sheet import Sheet
 from ..output.cut import export_dxf, export_svg
+from ..problem.domain import MeshDomain
 from ..problem.kinematics import Kinematics, gradient
 from ..problem.scene import Scene
 from .equilibrium import equilibrium_residual
@@ -36,6 +39,8 @@ class Result:
         One row per accepted step.
     settings : dict
         What was used, defaults and versions included.
+    sheet : Sheet
+        The surface on the mesh of ψ.
     """
 
     scene: Scene
@@ -46,6 +51,7 @@ class Result:
     seconds: float
     history: list
     settings: dict
+    sheet: Sheet
 
     @property
     def converged(self):
@@ -104,6 +110,32 @@ class Result:
         values = self._fields[name].Compile()(points)
         return float(values.min()), float(values.max())
 
+    @cached_property
+    def domain(self):
+        """The parameter domain: the chart's, or the flat copy of the mesh on a file's surface."""
+        surface = self.scene.surface
+        return MeshDomain(self._mesh) if isinstance(surface, FileSurface) else surface.domain
+
+    def evaluate(self, expression, theta):
+        """Values of an expression of `sheet` at points of the domain.
+
+        Parameters
+        ----------
+        expression : CoefficientFunction
+            Such as ``result.sheet.position``.
+        theta : array_like, (..., 2)
+            Points of the closed domain, rim and mirror images included.
+
+        Returns
+        -------
+        ndarray, (...) or (..., *expression.dims)
+        """
+        surface, theta = self.scene.surface, np.asarray(theta, dtype=float)
+        if not isinstance(surface, FileSurface):
+            return surface.evaluate(expression, theta)
+        values = _at(expression.Compile(), self.domain.located(theta.reshape(-1, 2)))
+        return values.reshape(theta.shape[:-1] + tuple(expression.dims))
+
     def psi(self, theta1, theta2):
         """Flat position of parameter points.
 
@@ -155,10 +187,11 @@ class Result:
     def outline(self, n=400):
         """`n` points along the rim of the whole flat patch, shape (n, 2).
 
-        They start at the largest θ1 on the axis θ2 = centre and run counter-clockwise in θ. The
-        curve is closed: the first point follows the last and is not repeated.
+        They start at the largest θ1 on the axis θ2 = centre, for files at the largest of all, and
+        run counter-clockwise in θ. The curve is closed: the first point follows the last and is
+        not repeated.
         """
-        return self.psi(*self.scene.surface.domain.rim(n).T)
+        return self.psi(*self.domain.rim(n).T)
 
     export_svg = export_svg
     export_dxf = export_dxf
@@ -274,10 +307,8 @@ class Result:
 
     @cached_property
     def _cloth(self):
-        scene, slope = self.scene, gradient(*self._psi)
-        return Kinematics(
-            slope, scene.surface.metric, scene.fabric, lambda: scene.surface.curvature
-        )
+        sheet, slope = self.sheet, gradient(*self._psi)
+        return Kinematics(slope, sheet.metric, self.scene.fabric, lambda: sheet.curvature)
 
     @cached_property
     def _fields(self):
@@ -305,7 +336,7 @@ class Result:
         except (TypeError, ValueError):
             allowed = "real numbers or arrays that broadcast against each other"
             raise InputError("theta", (theta1, theta2), allowed) from None
-        domain = self.scene.surface.domain
+        domain = self.domain
         outside = ~domain.contains(theta)
         if outside.any():
             raise InputError("theta", tuple(theta[outside][0].tolist()), f"a point of {domain}")
@@ -321,10 +352,12 @@ class Result:
         Curved elements follow the rim up to interpolation error: points of the rim may lie
         outside every element by as much, and are approached from the centre.
         """
-        centre = self.scene.surface.domain.centre
+        if isinstance(self.scene.surface, FileSurface):
+            return self.domain.located(theta), np.zeros_like(theta)
+        centre = self.domain.centre
         inside = theta.copy()
         if self.scene.symmetric:
-            centre = centre + 0.25 * self.scene.surface.domain.diameter
+            centre = centre + 0.25 * self.domain.diameter
         for shrink in (0.0, *10.0 ** np.arange(-13, -2), *np.linspace(0.01, 0.3, 30)):
             points = self._mesh(*inside.T)
             missing = points["nr"] < 0

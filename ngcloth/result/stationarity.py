@@ -15,9 +15,9 @@ KRYLOV = 30
 
 
 def _cloth(result):
-    surface = result.scene.surface
+    sheet = result.sheet
     slope = gradient(*result.state.components[:2])
-    return Kinematics(slope, surface.metric, result.scene.fabric, lambda: surface.curvature)
+    return Kinematics(slope, sheet.metric, result.scene.fabric, lambda: sheet.curvature)
 
 
 class _StationaryPoint:
@@ -36,7 +36,7 @@ class _StationaryPoint:
         degree = 2 * ((self.settings["quadrature"] + 1) // 2)
         self.rules = {shape: ngs.IntegrationRule(shape, degree) for shape in (ngs.TRIG, ngs.SEGM)}
         self.dx = ngs.dx(intrules=self.rules)
-        self.cloth, self.metric = _cloth(result), self.scene.surface.metric
+        self.cloth, self.metric = _cloth(result), result.sheet.metric
         self.slope, self.kc = self.cloth.gradient, self.scene.fabric.stiffness
         self.root = ngs.sqrt(ngs.Det(self.metric))
         self.slacks = [c for limit in self.scene.constraints for c in limit.slacks(self.cloth)]
@@ -60,8 +60,11 @@ class _StationaryPoint:
         """Weights and integrals of the barrier, inside and along the rim."""
         rim = {"definedon": self.mesh.Boundaries("rim"), "intrules": self.rules}
         along = ngs.specialcf.tangential(2)
-        length = ngs.sqrt(ngs.InnerProduct(self.metric * along, along))
-        share = RIM_SHARE * self.area / ngs.Integrate(length * ngs.ds(**rim), self.mesh)
+        length, on_rim = (
+            ngs.sqrt(ngs.InnerProduct(metric * along, along))
+            for metric in (self.metric, ngs.BoundaryFromVolumeCF(self.metric))
+        )
+        share = RIM_SHARE * self.area / ngs.Integrate(on_rim * ngs.ds(**rim), self.mesh)
         return (self.root, self.dx), (share * length, ngs.ds(skeleton=True, **rim))
 
     @cached_property

@@ -5,6 +5,7 @@ import os
 import numpy as np
 
 from ..errors import InputError
+from ..geometry.file_surface import FileSurface
 
 TRIANGLES = 2.3  # of size h in an area h², as Netgen makes them
 SECONDS = 1e-4  # to mesh one of them, on a fast machine
@@ -72,7 +73,10 @@ def check_seconds(scene, maxh, max_seconds):
 
 
 def _triangles(scene, maxh):
-    """About how many triangles of a size the meshed domain has."""
+    """About how many triangles of a size the meshed domain has, or the surface of a file."""
+    if isinstance(scene.surface, FileSurface):
+        with np.errstate(over="ignore", divide="ignore"):
+            return TRIANGLES * np.divide(scene.surface.area, maxh**2)
     domain = scene.surface.domain
     low, high = np.array(domain.box, dtype=float).T
     points = np.random.default_rng(0).uniform(low, high, (1000, 2))

@@ -10,6 +10,7 @@ from ..energy.automatic import AutomaticLagrangian
 from ..energy.closed_form import ClosedFormLagrangian
 from ..energy.lagrangian import Lagrangian
 from ..errors import InputError, SolveError, check_integer, check_number
+from ..geometry.file_surface import FileSurface
 from ..problem.scene import Scene
 from ..result.alone import alone
 from ..result.history import Reason
@@ -145,7 +146,7 @@ def solve(
     )
     for name, value in unknown.items():
         raise InputError(name, value, f"unknown setting; there are {known}")
-    diameter = scene.surface.domain.diameter
+    diameter = scene.surface.diameter
     settings = {
         "maxh": check_number("maxh", 0.02 * diameter if maxh is None else maxh, 0, open_low=True),
         "order": check_integer("order", order, 1, HIGHEST),
@@ -196,6 +197,7 @@ def solve(
             seconds=recorder.seconds,
             history=list(recorder.rows),
             settings=problem.settings,
+            sheet=problem.sheet,
         )
 
     def asks_to_stop():
@@ -210,10 +212,11 @@ def solve(
         callback and asks_to_stop,
         checkpoint,
     )
-    whole = _discretised(scene, settings)
+    *coarser, sheet = make_sheets(scene, settings["maxh"], settings["order"])
+    whole = _discretised(scene, sheet, settings)
     try:
         recorder.resume(whole)
-        reason = _run(whole, recorder, settings)
+        reason = _run(whole, recorder, settings, coarser)
     except KeyboardInterrupt:
         if not recorder.restore():
             raise
@@ -269,6 +272,15 @@ def _same_minimum(one, other):
     return near and any(np.abs(here - x).max() <= 1e-2 * np.abs(here).max() for x in turned)
 
 
+def make_sheets(scene, maxh, order):
+    """The surface on the meshes that a scene is solved on, a `Sheet` each, the finest last."""
+    levels, surface = _coarser_levels(scene, maxh), scene.surface
+    if isinstance(surface, FileSurface):
+        return surface.sheets(maxh, order, REFINEMENTS * levels)[::REFINEMENTS]
+    sizes = [maxh * COARSER**level for level in reversed(range(levels + 1))]
+    return [surface.on(make_mesh(scene, size, order)) for size in sizes]
+
+
 def make_mesh(scene, maxh, order):
     """The curved triangulation of the scene's domain, or of its quarter.
 
@@ -289,35 +301,27 @@ def _coarser_levels(scene, maxh):
     """How many coarser meshes are solved first."""
     if not scene.constraints:
         return 0
-    return max(int(np.log(COARSEST * scene.surface.domain.diameter / maxh) / np.log(COARSER)), 0)
+    return max(int(np.log(COARSEST * scene.surface.diameter / maxh) / np.log(COARSER)), 0)
 
 
-def _coarser(scene, settings):
-    """Settings of the coarser mesh that is solved first; None if there is none."""
-    if _coarser_levels(scene, settings["maxh"]):
-        return settings | {"maxh": COARSER * settings["maxh"]}
-    return None
-
-
-def _discretised(scene, settings):
-    mesh = make_mesh(scene, settings["maxh"], settings["order"])
+def _discretised(scene, sheet, settings):
     arguments = (settings[name] for name in ("order", "quadrature", "inverse"))
     if scene.in_equilibrium:
         kind = LINEARISATIONS[settings["linearisation"]]
-        problem = kind(scene, mesh, *arguments, settings["multiplier_order"])
+        problem = kind(scene, sheet, *arguments, settings["multiplier_order"])
     else:
         gauss_newton = scene.inextensible and settings["schedule"] == "adaptive"
-        problem = Lagrangian(scene, mesh, *arguments, gauss_newton)
+        problem = Lagrangian(scene, sheet, *arguments, gauss_newton)
     problem.settings = settings  # the mesh may be a coarser one than the user's
     return problem
 
 
-def _run(problem, recorder, settings):
+def _run(problem, recorder, settings, coarser):
     scene, tolerance = problem.scene, settings.get("tolerance")
     if scene.in_equilibrium:
         if settings["schedule"] == "paper":
             return saddle_flow(problem, recorder, settings.get("barrier_end", 0), tolerance)
-        warm = not recorder.memory and _start_from_coarser(problem, recorder, settings)
+        warm = not recorder.memory and _start_from_coarser(problem, recorder, coarser)
         if recorder.exhausted:
             return recorder.why
         return interior_point(problem, recorder, settings.get("barrier_end", tolerance), warm=warm)
@@ -327,17 +331,17 @@ def _run(problem, recorder, settings):
     return flow(problem, recorder, "flow", tolerance)
 
 
-def _start_from_coarser(problem, recorder, settings):
+def _start_from_coarser(problem, recorder, sheets):
     """Set the state to the solution of the next coarser problem, at a stronger barrier, if it fits.
 
     Returns whether it does; else the state is as it was. Where the limits are active, and how far
     the patch is from its start, is found where steps are cheap.
     """
-    coarser = _coarser(problem.scene, settings)
-    if coarser is None:
+    if not sheets:
         return False
-    coarse = _discretised(problem.scene, coarser)
-    warm = _start_from_coarser(coarse, recorder, coarse.settings)
+    settings = problem.settings | {"maxh": COARSER * problem.settings["maxh"]}
+    coarse = _discretised(problem.scene, sheets[-1], settings)
+    warm = _start_from_coarser(coarse, recorder, sheets[:-1])
     reason = interior_point(
         coarse, recorder, max(FIRST_MU, settings["barrier_end"]), phase="coarse", warm=warm
     )

@@ -9,13 +9,13 @@ from ngcloth import Disk, Net, Rectangle, Scene, Surface
 from ngcloth.energy.lagrangian import Lagrangian
 from ngcloth.problem.kinematics import Kinematics, gradient
 from ngcloth.solver.newton import newton_step
-from ngcloth.solver.solve import make_mesh
+from ngcloth.solver.solve import make_sheets
 
 
 def discretised(scene, maxh=0.4, order=3, quadrature=None, gauss_newton=False):
     quadrature = 2 * order + 2 if quadrature is None else quadrature
-    mesh = make_mesh(scene, maxh, order)
-    return Lagrangian(scene, mesh, order, quadrature, "sparsecholesky", gauss_newton)
+    *_, sheet = make_sheets(scene, maxh, order)
+    return Lagrangian(scene, sheet, order, quadrature, "sparsecholesky", gauss_newton)
 
 
 def vector(problem):

@@ -37,7 +37,7 @@ def covered(psi, surface=PLANE, fabric=None, order=2, symmetric=False):
         component.Set(value)
     scene = Scene(surface, fabric or Net(ks=1.0), symmetric=symmetric)
     settings = {"order": order, "quadrature": 2 * order + 2}
-    return Result(scene, state, Reason.CONVERGED, 0.0, 0, 0.0, [], settings)
+    return Result(scene, state, Reason.CONVERGED, 0.0, 0, 0.0, [], settings, surface.on(mesh))
 
 
 def moved(result, size):

@@ -12,7 +12,7 @@ from ngcloth.energy.closed_form import ClosedFormLagrangian
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
 from ngcloth.solver.interior_point import LASTING_RATE, PATIENCE, Iterate
 from ngcloth.solver.recorder import Recorder
-from ngcloth.solver.solve import make_mesh
+from ngcloth.solver.solve import make_sheets
 from ngcloth.solver.start import feasible_start
 
 
@@ -135,8 +135,8 @@ def test_obstacle_needs_stress():
 def test_a_start_beyond_a_limit_from_above_is_dilated():
     """ψ = θ/2 stretches threads up to 4, and 1.5 is allowed: a larger multiple is feasible."""
     scene = Scene(hemisphere().surface, Net(ks=10.0), (Longest(1.5),), (0.5, 0.5), symmetric=True)
-    mesh = make_mesh(scene, 0.3, order=2)
-    problem = ClosedFormLagrangian(scene, mesh, 2, 6, "sparsecholesky", 2)
+    *_, sheet = make_sheets(scene, 0.3, order=2)
+    problem = ClosedFormLagrangian(scene, sheet, 2, 6, "sparsecholesky", 2)
     size = problem.state.vec.Norm()
     feasible_start(problem)
     assert problem.slacks().min() > 0

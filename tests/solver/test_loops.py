@@ -95,7 +95,7 @@ def test_lengths_and_active_limits(schedule):
     assert min(row.length for row in rows) < 0.9 < max(row.length for row in rows) <= 1
     names = ("order", "quadrature", "inverse", "multiplier_order")
     arguments = (settings[name] for name in names)
-    problem = ClosedFormLagrangian(scene, result.state.space.mesh, *arguments)
+    problem = ClosedFormLagrangian(scene, result.sheet, *arguments)
     problem.state.vec.data = result.state.vec
     slacks = problem.slacks()
     assert 0 < rows[-1].active < 0.6 * rows[0].active <= 0.6 * slacks.size

@@ -22,7 +22,7 @@ from ngcloth.energy.closed_form import ClosedFormLagrangian
 from ngcloth.problem.kinematics import gradient
 from ngcloth.solver.interior_point import interior_point
 from ngcloth.solver.recorder import Recorder
-from ngcloth.solver.solve import make_mesh
+from ngcloth.solver.solve import make_sheets
 from ngcloth.solver.start import STRETCHED, dilate, feasible_start, flatten, near_start
 
 BUMP = Surface(lambda x, y: (x, y, ngs.exp(-(x * x + y * y) / 0.09)), Disk())
@@ -30,8 +30,8 @@ FAR = scenes.sphere(0.95, shear_limit=cos(pi / 6))  # λ up to 40 at its start
 
 
 def discretised(scene, maxh=0.3):
-    mesh = make_mesh(scene, maxh, order=2)
-    return ClosedFormLagrangian(scene, mesh, 2, 6, "sparsecholesky", 2)
+    *_, sheet = make_sheets(scene, maxh, order=2)
+    return ClosedFormLagrangian(scene, sheet, 2, 6, "sparsecholesky", 2)
 
 
 def with_start(scene, start):

@@ -145,7 +145,8 @@ def profile(name, maxh):
 
     steps = cumulative("interior_point.py", "interior_point")
     parts = {
-        "mesh and set-up": cumulative("solve.py", "_discretised"),
+        "mesh and set-up": cumulative("solve.py", "make_sheets")
+        + cumulative("solve.py", "_discretised"),
         "from coarser meshes": cumulative("constrained.py", "take"),
         "start": cumulative("start.py", "near_start"),
         "matrix": cumulative("closed_form.py", "hessian"),

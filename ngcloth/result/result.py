@@ -1,6 +1,6 @@
 """What comes out: the optimal patch, and how the solve went. Knows nothing of solvers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import ngsolve as ngs
@@ -51,7 +51,7 @@ class Result:
     seconds: float
     history: list
     settings: dict
-    sheet: Sheet
+    sheet: Sheet = field(repr=False)
 
     @property
     def converged(self):

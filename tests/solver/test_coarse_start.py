@@ -88,8 +88,11 @@ def test_meshes_are_nested():
     scene = scenes.hemicatenoid(10.0)
     settings = {"maxh": 0.15, "order": 2, "quadrature": 6, "multiplier_order": 2}
     settings["linearisation"] = "closed form"
-    fine = solving._discretised(scene, settings | {"inverse": "umfpack"})
-    coarse = solving._discretised(scene, settings | {"inverse": "umfpack", "maxh": 0.6})
+    settings |= {"inverse": "umfpack"}
+    coarse, fine = (
+        solving._discretised(scene, sheet, settings)
+        for sheet in solving.make_sheets(scene, settings["maxh"], settings["order"])
+    )
     assert fine.fes.mesh.ne == 16 * coarse.fes.mesh.ne
     values = np.random.default_rng(3).normal(size=coarse.fes.ndof)
     coarse.state.vec.FV().NumPy()[:] = np.where(list(coarse.free), values, 0)

@@ -1,0 +1,171 @@
+"""Patches of surfaces from files: CAD parts and facets, against charts of the same shape."""
+
+import sys
+
+import ngsolve as ngs
+import numpy as np
+import pytest
+
+import ngcloth
+from ngcloth import Disk, Elongation, InputError, Net, Obstacle, Scene, ShearLimit, Surface, solve
+
+sys.path.append(str(__import__("pathlib").Path(__file__).parent / "geometry"))
+import shapes  # noqa: E402
+
+HEMISPHERE = 0.1842  # E/(2π kc) of taut cloth, ks = kc, by charts
+TAUT = Net(ks=1.0), [Elongation()]
+
+
+@pytest.fixture(scope="module")
+def part(tmp_path_factory):
+    path = tmp_path_factory.mktemp("parts") / "hemisphere.step"
+    shapes.hemisphere().WriteStep(str(path))
+    return Surface.from_cad(path, "dome")
+
+
+@pytest.fixture(scope="module")
+def result(part):
+    return solve(Scene(part, *TAUT, name="dome"), maxh=0.2)
+
+
+def test_hemisphere_of_one_face(result):
+    """Its seam and its pole lie inside; two meshes, one a refinement of the other."""
+    assert result.converged and result.newton_iterations <= 25
+    assert result.history[0].phase == "coarse"
+    assert result.normalized_energy == pytest.approx(HEMISPHERE, abs=2e-3)
+    low, high = result.extrema["stretch1"]
+    assert low > 0.995 and high == pytest.approx(1.23, abs=0.01)
+    assert result.area == pytest.approx(5.446, abs=0.01)
+    # Taut threads are shorter than the half circle that the longest of them covers.
+    assert np.ptp(result.outline(), axis=0).max() < np.pi
+
+
+@pytest.mark.slow
+def test_hemisphere_by_default(part):
+    result = solve(Scene(part, *TAUT))
+    assert result.converged and result.newton_iterations <= 25
+    assert result.normalized_energy == pytest.approx(HEMISPHERE, abs=3e-4)
+
+
+def test_points_of_the_rim_and_beyond(result):
+    rim = result.domain.rim(50)
+    assert result.domain.contains(rim).all()
+    there = result.evaluate(result.sheet.position, rim)
+    assert np.abs(there[:, 2]).max() < 1e-3 and np.linalg.norm(there, axis=1).min() > 0.999
+    assert result.psi(*rim.T) == pytest.approx(result.outline(50))
+    assert result.psi(*(0.999 * rim).T) == pytest.approx(result.outline(50), abs=5e-3)
+    with pytest.raises(InputError, match="theta"):
+        result.psi(*(1.01 * rim).T)
+
+
+def test_certificate_of_a_chebyshev_net(part, capfd):
+    """Nothing is imposed: the optimum has no energy, and ψ alone says whether it was found."""
+    result = solve(Scene(part, Net()), maxh=0.5, order=3)
+    assert result.converged and result.normalized_energy < 1e-4
+    certificate = result.certificate()
+    assert certificate.unfolded and certificate.overlap is None
+    assert certificate.stationarity < certificate.stationarity_tolerance
+    assert certificate.curvature > -certificate.curvature_tolerance
+    assert not capfd.readouterr().out  # NGSolve's complaints
+
+
+def test_certificate_with_limits(part):
+    result = solve(Scene(part, *TAUT), maxh=0.3, quadrature=10)
+    certificate = result.certificate()
+    assert certificate.stationarity < certificate.stationarity_tolerance
+    assert certificate.equilibrium < 0.05 and certificate.unfolded
+
+
+def hat_chart(slope=np.pi / 4, fillet=0.3, flange=0.4):
+    """The part of `shapes.hat` as a height over the plane."""
+    sine, cosine = np.sin(slope), np.cos(slope)
+    outer, centre = (1 + fillet) * sine, (1 + fillet) * cosine
+
+    def root(square):
+        return ngs.sqrt(ngs.IfPos(square, square, 1.0))
+
+    def chart(x, y):
+        square = x * x + y * y
+        along = ngs.sqrt(square + 1e-30) - outer
+        round_edge = centre - root(fillet**2 - along**2)
+        lower = ngs.IfPos(outer**2 - square, round_edge, centre - fillet)
+        return x, y, ngs.IfPos(sine**2 - square, root(1 - square), lower)
+
+    return Surface(chart, Disk(outer + flange))
+
+
+@pytest.mark.slow
+def test_dome_fillet_and_flange(tmp_path):
+    """Three faces that join smoothly: the mesh follows their edges, the chart's does not."""
+    shapes.hat()[0].WriteStep(str(tmp_path / "hat.step"))
+    hat = Surface.from_cad(tmp_path / "hat.step")
+    file, chart = (
+        solve(Scene(surface, *TAUT), maxh=maxh).normalized_energy
+        for surface, maxh in ((hat, 0.2), (hat_chart(), 0.06))
+    )
+    assert hat.faces == 3
+    assert file == pytest.approx(chart, abs=2e-4)
+
+
+def test_facets_give_the_energy_of_the_smooth_surface():
+    scan = Surface.from_mesh(shapes.facets(40))
+    result = solve(Scene(scan, *TAUT), maxh=0.12)
+    assert result.converged
+    assert result.normalized_energy == pytest.approx(HEMISPHERE, rel=1e-2)
+
+
+def test_two_flattenings_of_one_file(part, monkeypatch):
+    """The patch belongs to the surface; Tutte's embedding alone is a chart as good as another."""
+    results = [solve(Scene(part, *TAUT), maxh=0.4, barrier_end=1e-4)]
+    flattening = sys.modules["ngcloth.geometry.flatten"]
+    monkeypatch.setattr(flattening, "_as_rigid_as_possible", lambda points, triangles, flat: flat)
+    results.append(solve(Scene(part, *TAUT), maxh=0.4, barrier_end=1e-4))
+    one, other = results
+    assert np.abs(one.domain.rims[0] - other.domain.rims[0]).max() > 0.04
+    assert other.normalized_energy == pytest.approx(one.normalized_energy, abs=1e-5)
+    assert other.area == pytest.approx(one.area, rel=1e-4)
+
+
+def test_units_and_sizes(tmp_path, part):
+    """In cm the same part has other numbers for lengths, and the same energy over them."""
+    shapes.hemisphere().WriteStep(str(tmp_path / "dome.step"))
+    small = Surface.from_cad(tmp_path / "dome.step", "dome", unit="cm")
+    one = solve(Scene(part, Net(ks=1.0)), maxh=0.4)
+    other = solve(Scene(small, Net(ks=1.0)), maxh=0.04)
+    assert other.energy == pytest.approx(one.energy / 100, rel=1e-4)
+
+
+def test_the_side_of_the_cloth_bears_the_obstacle(tmp_path, part):
+    """From outside a dome pushes everywhere; from inside it would have to pull."""
+    shapes.hemisphere().WriteStep(str(tmp_path / "dome.step"))
+    inner = Surface.from_cad(tmp_path / "dome.step", "dome", side=-1)
+    outside, inside = (
+        solve(Scene(surface, *TAUT), maxh=0.6).extrema["reaction"] for surface in (part, inner)
+    )
+    assert outside[1] > 3 > -1 < outside[0]
+    assert inside[0] < -3
+
+
+def test_what_a_file_cannot_have(tmp_path, part):
+    with pytest.raises(InputError, match="symmetric"):
+        Scene(part, Net(), symmetric=True)
+    noisy = Surface.from_mesh(shapes.facets(20, noise=1e-2))
+    with pytest.raises(InputError, match="noise"):
+        Scene(noisy, Net(ks=1.0), [Obstacle()])
+    assert noisy.rough and Scene(noisy, Net(ks=1.0), [ShearLimit(0.9)])
+    with pytest.raises(InputError, match="start"):
+        Scene(part, Net(), start=(-1.0, 1.0))
+
+
+def test_a_users_law_is_tried_as_on_charts(part):
+    class Kinked(Net):
+        def energy(self, i4, i6, i8):
+            return super().energy(i4, i6, i8) + ngs.IfPos(i4 - 1.1, 1.0, 0.0)
+
+    with pytest.raises(InputError, match="derivatives"):
+        Scene(part, Kinked())
+
+
+def test_words(part, result):
+    assert "1 CAD faces" in str(result.scene)
+    assert ngcloth.Surface.from_cad.__doc__

@@ -8,6 +8,7 @@ import ngsolve as ngs
 import numpy as np
 
 from .errors import InputError, check_number
+from .geometry.file_surface import FileSurface
 from .problem.constraints import Elongation, Obstacle, ShearLimit
 from .problem.domain import Disk, Rectangle
 from .problem.fabric import Net
@@ -168,6 +169,45 @@ def hemicatenoid(ks=0.0, obstacle=False, *, symmetric=None):
         tie_break=1e-9 if ks == 0 else 0.0,
         name=f"hemicatenoid, ks/kc = {fabric.ks:g}" + (", obstacle" if obstacle else ""),
     )
+
+
+def part(surface, ks=0.0, shear_limit=None, obstacle=False):
+    """A surface from a file.
+
+    Parameters
+    ----------
+    surface : Surface
+        As of `Surface.from_cad` and `Surface.from_mesh`.
+    ks : float
+        Shear stiffness over thread stiffness, kc being 1.
+    shear_limit : float, optional
+        γmax, the cosine of the smallest angle between the threads, if that is limited.
+    obstacle : bool
+        Whether the surface can only push, τ ≥ 0.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        For a negative ``ks``; or for an obstacle with ``ks=0``: a cloth without stress is not
+        pushed.
+    """
+    if not isinstance(obstacle, bool):
+        raise InputError("obstacle", obstacle, "True or False")
+    if obstacle and ks == 0:
+        allowed = "False where ks = 0: an unstressed cloth is not pushed"
+        raise InputError("obstacle", obstacle, allowed)
+    fabric = Net(ks=ks)
+    limits = _limits(fabric, shear_limit) + ((Obstacle(),) if obstacle else ())
+    scene = Scene(surface, fabric, limits, name=f"part, ks/kc = {fabric.ks:g}")
+    if isinstance(surface, FileSurface):  # which is saved with the result
+        shear_limit = None if shear_limit is None else float(shear_limit)
+        arguments = {"ks": fabric.ks, "shear_limit": shear_limit, "obstacle": obstacle}
+        object.__setattr__(scene, "recipe", {"scene": "part", "arguments": arguments})
+    return scene
 
 
 def _limits(fabric, shear_limit):

@@ -1,16 +1,28 @@
 """Patches of surfaces from files: CAD parts and facets, against charts of the same shape."""
 
+import pickle
 import sys
 
 import ngsolve as ngs
 import numpy as np
 import pytest
+import pyvista as pv
+from geometry import shapes
+from svgelements import SVG, Path
 
 import ngcloth
-from ngcloth import Disk, Elongation, InputError, Net, Obstacle, Scene, ShearLimit, Surface, solve
-
-sys.path.append(str(__import__("pathlib").Path(__file__).parent / "geometry"))
-import shapes  # noqa: E402
+from ngcloth import (
+    Disk,
+    Elongation,
+    InputError,
+    Net,
+    Obstacle,
+    Scene,
+    ShearLimit,
+    Surface,
+    scenes,
+    solve,
+)
 
 HEMISPHERE = 0.1842  # E/(2π kc) of taut cloth, ks = kc, by charts
 TAUT = Net(ks=1.0), [Elongation()]
@@ -166,6 +178,123 @@ def test_a_users_law_is_tried_as_on_charts(part):
         Scene(part, Kinked())
 
 
-def test_words(part, result):
-    assert "1 CAD faces" in str(result.scene)
-    assert ngcloth.Surface.from_cad.__doc__
+HOLE = 5 / 20  # of the quarter circle from the pole to the rim
+
+
+@pytest.fixture(scope="module")
+def holed():
+    """A dome of 10 cm with a hole around its pole, from facets."""
+    points, triangles = shapes.facets(20, hole=5)
+    scan = Surface.from_mesh((10 * points, triangles), unit="cm")
+    return solve(scenes.part(scan, ks=1.0), maxh=3.0)
+
+
+def test_a_hole(holed):
+    assert holed.converged and holed.domain.holes == 1
+    rims = [holed.outline(200, hole) for hole in (0, 1)]
+    one, other = (0.5 * np.linalg.det(np.stack([r, np.roll(r, -1, axis=0)], 1)).sum() for r in rims)
+    assert one > 0 > other and one + other == pytest.approx(holed.area, rel=2e-3)
+    edge = holed.evaluate(holed.sheet.position, holed.domain.rim(20, 1))
+    assert edge[:, 2] == pytest.approx(10 * np.cos(np.pi / 2 * HOLE), abs=0.05)
+    with pytest.raises(InputError, match="hole"):
+        holed.outline(10, 2)
+    assert not holed.domain.contains(np.zeros(2))
+
+
+def test_pattern_with_a_hole(tmp_path, holed):
+    """True to scale by itself: 1 cm of the file is 10 mm; the hole is cut, threads end there."""
+    holed.export_svg(tmp_path / "cut.svg")
+    holed.export_dxf(tmp_path / "cut.dxf", seam=5.0)
+    layers = {group.id: group for group in SVG.parse(tmp_path / "cut.svg") if group.id}
+    cut = [path for path in layers["cut"].select(lambda each: isinstance(each, Path))]
+    sizes = sorted(np.ptp([(p.x, p.y) for p in path.as_points()], axis=0).max() for path in cut)
+    mm = 96 / 25.4  # what the reader makes of one
+    assert len(sizes) == 2
+    assert sizes[1] / mm == pytest.approx(np.ptp(10 * holed.outline(), axis=0).max(), rel=1e-3)
+    assert sizes[0] / mm == pytest.approx(
+        np.ptp(10 * holed.outline(400, 1), axis=0).max(), rel=1e-3
+    )
+
+
+def test_fields_of_a_part(tmp_path, result):
+    """Points lie on the sphere, threads tangent to it, cells look outwards."""
+    result.export_vtu(tmp_path / "cloth.vtu")
+    cloth = pv.read(tmp_path / "cloth.vtu")
+    radial = cloth.points / np.linalg.norm(cloth.points, axis=1)[:, None]
+    assert np.linalg.norm(cloth.points, axis=1) == pytest.approx(1, abs=1e-3)
+    warp = cloth.point_data["warp"]
+    assert np.abs(np.sum(warp * radial, axis=1)).max() < 0.03
+    angle = cloth.point_data["angle"]
+    assert np.cos(np.radians(angle)).max() == pytest.approx(result.extrema["shear"][1], abs=0.02)
+    result.export_surface(tmp_path / "dome.stl")
+    dome, flat = pv.read(tmp_path / "dome.stl"), pv.read(tmp_path / "dome_flat.stl")
+    assert dome.area == pytest.approx(2 * np.pi, rel=1e-3)
+    assert flat.area == pytest.approx(result.area, rel=1e-3)
+    outwards = np.sum(dome.compute_normals().cell_data["Normals"] * dome.cell_centers().points, 1)
+    assert outwards.min() > 0.9
+    result.export_threads(tmp_path / "threads.vtp")
+    threads, flat = pv.read(tmp_path / "threads.vtp"), pv.read(tmp_path / "threads_flat.vtp")
+    assert np.linalg.norm(threads.points, axis=1) == pytest.approx(1, abs=1e-3)
+    for line, weft, level in zip(
+        *(range(flat.n_cells), *map(flat.cell_data.get, ("weft", "level"))), strict=True
+    ):
+        assert flat.get_cell(line).points[:, 1 - weft] == pytest.approx(level, abs=5e-5)
+
+
+def test_pictures_of_a_part(tmp_path, holed):
+    axes = holed.plot("shear")
+    rim = holed.outline()
+    assert len(axes.lines) == 2 and axes.get_xlim()[1] > rim[:, 0].max()
+    holed.plot(where="domain")
+    holed.view("shear", screenshot=tmp_path / "view.png")
+    ngcloth.report(holed, tmp_path / "report.html")
+    assert (tmp_path / "view.png").stat().st_size > 10_000
+    assert (tmp_path / "report.html").stat().st_size > 100_000
+
+
+def test_saved_with_the_surface(tmp_path, holed, part):
+    """Of a named scene the folder is enough, whatever has become of the file."""
+    holed.save(tmp_path / "holed")
+    again = ngcloth.load(tmp_path / "holed")
+    assert again.outline() == pytest.approx(holed.outline(), abs=1e-12)
+    assert again.extrema == holed.extrema and str(again.scene) == str(holed.scene)
+    solved = solve(scenes.part(part, ks=1.0), maxh=0.6)
+    solved.save(tmp_path / "dome")
+    assert ngcloth.load(tmp_path / "dome").energy == pytest.approx(solved.energy, rel=1e-12)
+    with pytest.raises(InputError, match="surface"):
+        ngcloth.load(tmp_path / "dome", holed.scene)
+
+
+def test_a_scene_of_ones_own_is_given_again_or_pickled(tmp_path, result):
+    result.save(tmp_path / "dome")
+    with pytest.raises(InputError, match="functions"):
+        ngcloth.load(tmp_path / "dome")
+    assert ngcloth.load(tmp_path / "dome", result.scene).energy == result.energy
+    again = pickle.loads(pickle.dumps(result))
+    assert again.outline() == pytest.approx(result.outline(), abs=1e-12)
+
+
+def test_goes_on_from_a_checkpoint(tmp_path, part):
+    scene, settings = scenes.part(part, ks=1.0), {"maxh": 0.6, "checkpoint": tmp_path / "half"}
+    begun = solve(scene, max_steps=4, **settings)
+    assert not begun.converged
+    resumed, whole = solve(scene, **settings), solve(scene, maxh=0.6)
+    assert resumed.converged and resumed.energy == pytest.approx(whole.energy, rel=1e-9)
+    assert resumed.history[0].newton == begun.history[0].newton
+
+
+def test_a_damaged_surface_in_a_folder(tmp_path, holed):
+    from ngcloth.result.reading import plain_arrays
+    from ngcloth.result.save import CHECKSUMS, _packed, checksum
+
+    holed.save(tmp_path / "holed")
+    place = tmp_path / "holed" / "scene.npz"
+    arrays = plain_arrays(place.read_bytes(), 2**26)
+    arrays["surface_points"][3] = np.nan
+    data = _packed(**arrays)
+    sums = (tmp_path / "holed" / CHECKSUMS).read_text()
+    sums = sums.replace(checksum(place.read_bytes()), checksum(data))
+    place.write_bytes(data)
+    (tmp_path / "holed" / CHECKSUMS).write_text(sums)
+    with pytest.raises(InputError, match="finite"):
+        ngcloth.load(tmp_path / "holed")

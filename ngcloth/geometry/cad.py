@@ -87,6 +87,22 @@ class CadSurface(FileSurface):
                 raise InputError("faces", self.faces, allowed) from error
         return [self._level(answer, number, orders) for number in range(count)]
 
+    def arrays(self):  # noqa: D102
+        return {
+            "brep": np.frombuffer(self.brep, dtype=np.uint8),
+            "edge_names": np.asarray(self.edge_names, dtype=str),
+            "box": self.box * UNITS[self.unit],
+            "faces": np.array(self.faces),
+            "unit": np.array(self.unit),
+            "side": np.array(self.side),
+        }
+
+    @classmethod
+    def of_arrays(cls, arrays):  # noqa: D102
+        faces, unit, side = (arrays[name].item() for name in ("faces", "unit", "side"))
+        brep = arrays["brep"].astype(np.uint8).tobytes()
+        return cls(brep, arrays["edge_names"].astype(str), arrays["box"], faces, unit, side)
+
     def _level(self, answer, number, orders):
         segments, names = answer[f"segments_{number}"], answer[f"segment_names_{number}"]
         keys = map(tuple, np.sort(segments, axis=1).tolist())

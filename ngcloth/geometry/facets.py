@@ -75,6 +75,20 @@ class FacetSurface(FileSurface):
     def levels(self, maxh, orders, count):  # noqa: D102
         return self._remesher.levels(maxh, orders, count)
 
+    def arrays(self):  # noqa: D102
+        return {
+            "points": self.points,
+            "triangles": self.triangles,
+            "unit": np.array(self.unit),
+            "side": np.array(self.side),
+            "smoothing": np.array(self.smoothing),
+        }
+
+    @classmethod
+    def of_arrays(cls, arrays):  # noqa: D102
+        others = (arrays[name].item() for name in ("unit", "side", "smoothing"))
+        return cls(arrays["points"], arrays["triangles"], *others, "arrays", "points and triangles")
+
     def __str__(self):
         noise = f"  noise   {self.noise:.2g} {self.unit}"
         if self.rough:

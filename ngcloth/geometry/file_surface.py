@@ -98,6 +98,18 @@ class FileSurface(ABC):
         list of Level
         """
 
+    @abstractmethod
+    def arrays(self):
+        """What `of_arrays` makes the same surface of, a dict of ndarray without objects."""
+
+    @classmethod
+    @abstractmethod
+    def of_arrays(cls, arrays):
+        """The surface that had these `arrays`; `InputError` if they are none."""
+
+    def __reduce__(self):
+        return type(self).of_arrays, (self.arrays(),)
+
     def sheets(self, maxh, order, coarser=0, symmetric=False):
         """Charts on planar meshes for a solve, the coarsest first.
 

@@ -6,6 +6,7 @@ import ngsolve as ngs
 import numpy as np
 
 from ..errors import check_number
+from ..problem.domain import MeshDomain
 from ..problem.kinematics import Kinematics, gradient
 from .files import checked_file, write_file
 from .plot import default_pitch, sample, thread_levels
@@ -58,9 +59,7 @@ def vtu(result, path):
     cells = np.arange(n * m).reshape(n, m)
     sides = fields["theta"][:, 1:3] - fields["theta"][:, :1]
     orientation = np.sign(np.linalg.det(sides))  # mirror images turn their element over
-    for file, place, side in zip(
-        files, ("position", "psi"), (result.scene.surface.side, 1), strict=True
-    ):
+    for file, place, side in zip(files, ("position", "psi"), (result.sheet.side, 1), strict=True):
         facing = np.where(side * orientation[:, None] > 0, cells, cells[:, swapped])
         faces = np.column_stack([np.full(n, m), facing])
         types = np.full(n, pv.CellType.LAGRANGE_TRIANGLE)
@@ -102,10 +101,11 @@ def threads(result, path, pitch=None):
 
     Notes
     -----
-    The points lie on the surface, and on their thread to rounding, its ends to about 1e-6. A
+    The points lie on the surface, and on their thread to rounding, its ends to about 1e-6
+    (1e-5 on surfaces from files). A
     thread runs in the direction of growing X1 or X2, to within 1e-4 of the domain's size from the
-    rim; the domain has to be star-shaped. Cell data: "weft", 0 or 1, and "level", the constant X2
-    or X1. Point data: "psi" and "position".
+    rim; the domain of a chart has to be star-shaped. Cell data: "weft", 0 or 1, and "level", the
+    constant X2 or X1. Point data: "psi" and "position".
     """
     import pyvista as pv
 
@@ -118,9 +118,8 @@ def threads(result, path, pitch=None):
     lengths = np.array([len(line) for _, _, line in lines])
     first = np.cumsum(lengths) - lengths
     cells = [np.r_[n, i : i + n] for i, n in zip(first, lengths, strict=True)]
-    target = result.scene.surface
     places = {
-        "position": target.evaluate(target.position, theta),
+        "position": result.evaluate(result.sheet.position, theta),
         "psi": _in_space(result.psi(*theta.T)),
     }
     for file, points in zip(files, places.values(), strict=True):
@@ -156,9 +155,9 @@ def surface(result, path):
 
     Notes
     -----
-    The points are those of `ngcloth.plot.sample`, which lie on the surface; so its domain has to
-    be star-shaped. They are as many as give the areas to 1e-4, on up to 85 % of a sphere.
-    Triangles of the surface face the side of the cloth, those of the patch upwards.
+    The points are those of `ngcloth.plot.sample`, which lie on the surface; so the domain of a
+    chart has to be star-shaped. They are as many as give the areas to 1e-4, on up to 85 % of a
+    sphere. Triangles of the surface face the side of the cloth, those of the patch upwards.
 
     In OBJ files the texture coordinates UV of a point are its flat position, in units of length.
     Where `Surface.side` is -1, as on a sphere, the patch is drawn from its inner face: seen from
@@ -166,11 +165,10 @@ def surface(result, path):
     """
     files = _files(path, ".stl", ".obj")
     written = _stl if files[0].suffix.lower() == ".stl" else _obj
-    target = result.scene.surface
     theta, triangles = sample(result, RINGS)
     psi = result.psi(*theta.T)
-    places = (target.evaluate(target.position, theta), _in_space(psi))
-    for file, points, side in zip(files, places, (target.side, 1), strict=True):
+    places = (result.evaluate(result.sheet.position, theta), _in_space(psi))
+    for file, points, side in zip(files, places, (result.sheet.side, 1), strict=True):
         write_file(file, written(points, triangles[:, ::side], psi))
     return files
 
@@ -234,9 +232,9 @@ def element_fields(result, points):
         means a slack below 5 % of its greatest value here; the slacks of a limit that has
         several are numbered, as in "active_elongation_1" for the warp.
     """
-    scene, target = result.scene, result.scene.surface
+    scene, sheet = result.scene, result.sheet
     mesh, flat = result.state.space.mesh, result.state.components[:2]
-    cloth = Kinematics(gradient(*flat), target.metric, scene.fabric, lambda: target.curvature)
+    cloth = Kinematics(gradient(*flat), sheet.metric, scene.fabric, lambda: sheet.curvature)
     rule = ngs.IntegrationRule([tuple(point) for point in points], [0.0] * len(points))
     mapped = mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)
     signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)][: scene.copies])[:, None, None, :]
@@ -248,19 +246,23 @@ def element_fields(result, points):
     def joined(values):
         return np.concatenate(np.broadcast_to(values, (scene.copies, *values.shape[-2:])))
 
-    centre = target.domain.centre
+    def on_surface(expression):
+        # At edges between triangles, those of a file's surface have two values.
+        return at(expression) if scene.copies == 1 else result.evaluate(expression, theta)
+
+    centre = result.domain.centre
     theta = np.concatenate(centre + signs * (at(ngs.CF((ngs.x, ngs.y))) - centre))
     psi = np.concatenate(signs * at(ngs.CF(tuple(flat))))
     slopes = np.concatenate(signs[..., :, None] * signs[..., None, :] * at(cloth.gradient))
-    tangents = ngs.CF((target.position.Diff(ngs.x), target.position.Diff(ngs.y)), dims=(2, 3))
-    threads = np.swapaxes(np.linalg.inv(slopes), -1, -2) @ target.evaluate(tangents, theta)
+    tangents = on_surface(ngs.CF(sheet.tangents, dims=(2, 3)))
+    threads = np.swapaxes(np.linalg.inv(slopes), -1, -2) @ tangents
     stretches = np.linalg.norm(threads, axis=-1)
     warp, weft = np.moveaxis(threads / stretches[..., None], -2, 0)
     shear = np.einsum("...i,...i->...", warp, weft)
     fields = {
         "theta": theta,
         "psi": _in_space(psi),
-        "position": target.evaluate(target.position, theta),
+        "position": on_surface(sheet.position),
         "warp": warp,
         "weft": weft,
         "stretch1": stretches[..., 0],
@@ -316,18 +318,24 @@ def thread_lines(result, pitch):
 
 def _onto_threads(result, weft, level, theta, steps=5):
     """Points of the domain beside their threads, (n, 2), moved onto them by Newton's method."""
-    domain = result.scene.surface.domain
+    domain = result.domain
     low, high = np.array(domain.box).T
     nearby = 1e-6 * domain.diameter * np.eye(2)
 
     def component(theta):
         return result.psi(*theta.T)[np.arange(len(theta)), 1 - weft]
 
-    for _ in range(steps):
+    def slopes(theta):
+        if isinstance(domain, MeshDomain):
+            whole = result.evaluate(gradient(*result.state.components[:2]), theta)
+            return whole[np.arange(len(theta)), 1 - weft]
         # Slopes are taken a little inside the rim, that there be room for the differences.
         inside = theta + 1e-4 * (domain.centre - theta)
         slope = np.stack([component(inside + s) - component(inside - s) for s in nearby], axis=-1)
-        slope /= 2 * nearby.max()
+        return slope / (2 * nearby.max())
+
+    for _ in range(steps):
+        slope = slopes(theta)
         excess = (component(theta) - level) / (slope**2).sum(axis=1)
         moved = np.clip(theta - excess[:, None] * slope, low, high)
         theta = np.where(domain.contains(moved)[:, None], moved, theta)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError, check_integer, check_number
+from ..geometry.file_surface import UNITS, FileSurface
 from .planar import Room, chords, crossing
 from .plot import thread_levels
 
@@ -71,7 +72,8 @@ class Pattern:
     title : str
         Scene and scale.
     outline : ndarray, (n, 2)
-        The rim of the patch, counter-clockwise, closed without repeating its first point.
+        The rim of the patch, counter-clockwise, closed without repeating its first point; holes
+        are in the layers alone.
     layers : dict of list
         The `Curve` and `Text` items of the layers "cut" (where to cut), "seam" (the outline
         within its allowance, else empty), "warp", "weft", "mark" (on the cloth: pinning marks,
@@ -94,7 +96,7 @@ class Pattern:
         return low - GAP, high + GAP
 
 
-def cut_pattern(result, *, unit_mm=100.0, pitch=10.0, seam=0.0, marks=12, tolerance=None):
+def cut_pattern(result, *, unit_mm=None, pitch=10.0, seam=0.0, marks=12, tolerance=None):
     """The cut pattern of a result.
 
     Parameters
@@ -102,8 +104,9 @@ def cut_pattern(result, *, unit_mm=100.0, pitch=10.0, seam=0.0, marks=12, tolera
     result : Result
         Solved or loaded.
     unit_mm : float, optional
-        Scale: how many mm one unit of length of the surface is. Default 100. The label of the
-        pattern states it, and a square of 100 mm lets one check the print.
+        Scale: how many mm one unit of length of the surface is. Default 100, and for surfaces
+        from files what their unit is. The label of the pattern states it, and a square of 100 mm
+        lets one check the print.
     pitch : float, optional
         Distance in mm between the threads drawn, which lie at its multiples. Default 10.
     seam : float, optional
@@ -133,6 +136,9 @@ def cut_pattern(result, *, unit_mm=100.0, pitch=10.0, seam=0.0, marks=12, tolera
     ImportError
         If there is a seam allowance, and the extra ``cut`` is missing.
     """
+    if unit_mm is None:
+        surface = result.scene.surface
+        unit_mm = UNITS[surface.unit] if isinstance(surface, FileSurface) else 100.0
     check_number("unit_mm", unit_mm, 0, open_low=True)
     check_number("pitch", pitch, 0, open_low=True)
     check_number("seam", seam, 0)
@@ -147,20 +153,22 @@ def cut_pattern(result, *, unit_mm=100.0, pitch=10.0, seam=0.0, marks=12, tolera
     if tolerance is None:
         length = np.linalg.norm(coarse - np.roll(coarse, 1, axis=0), axis=1).sum()
         tolerance = min(0.01, AREA_ERROR * unit_mm**2 * result.area / length)
-    outline = refined_outline(result, unit_mm, tolerance)
-    room = Room(outline, NARROW / 4)
-    _warn(result, outline, room)
+    outline, *holes = (
+        refined_outline(result, unit_mm, tolerance, hole) for hole in range(result.domain.holes + 1)
+    )
+    room = Room(outline, NARROW / 4, holes)
+    _warn(result, (outline, *holes), room)
 
     pins = pinning_marks(result, marks, unit_mm)
-    edge = Curve(outline, closed=True)
-    cut = _offset(outline, seam, tolerance) if seam else [edge]
+    edges = [Curve(each, closed=True) for each in (outline, *holes)]
+    cut = _offset(outline, holes, seam, tolerance) if seam else edges
     low = np.min([curve.points.min(axis=0) for curve in cut], axis=0)
     title = f"{result.scene.name} (1 unit of surface length = {unit_mm:g} mm)"
     layers = {
         "cut": cut,
-        "seam": [edge] if seam else [],
-        "warp": _threads(outline, pitch, axis=0),
-        "weft": _threads(outline, pitch, axis=1),
+        "seam": edges if seam else [],
+        "warp": _threads(outline, holes, pitch, axis=0),
+        "weft": _threads(outline, holes, pitch, axis=1),
         "mark": _mark_items(pins.flat, outline, room) + _grain_arrow(room, pitch),
         "text": _beside(low, _label(result, outline, unit_mm, pitch, seam)),
     }
@@ -188,13 +196,12 @@ def pinning_marks(result, n, unit_mm=1.0):
     """
     if check_integer("n", n, 0) == 0:
         return Marks(np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 3)))
-    surface = result.scene.surface
-    theta = surface.domain.rim(n)
-    space = surface.evaluate(surface.position, theta)
+    theta = result.domain.rim(n)
+    space = result.evaluate(result.sheet.position, theta)
     return Marks(np.arange(1, n + 1), unit_mm * result.psi(*theta.T), theta, unit_mm * space)
 
 
-def refined_outline(result, unit_mm, tolerance):
+def refined_outline(result, unit_mm, tolerance, hole=0):
     """The rim of the whole flat patch as a polyline in mm, corners of the domain included.
 
     Chords are halved until three points of the rim between their ends are closer to them than
@@ -208,13 +215,15 @@ def refined_outline(result, unit_mm, tolerance):
         Scale, as for `cut_pattern`.
     tolerance : float
         In mm.
+    hole : int, optional
+        Its number, from 1, in place of the rim outside.
 
     Returns
     -------
     ndarray, (n, 2)
-        Counter-clockwise, the first point not repeated.
+        Counter-clockwise, around a hole clockwise, the first point not repeated.
     """
-    rim = result.scene.surface.domain.rim(LATTICE)
+    rim = result.domain.rim(LATTICE, hole) if hole else result.domain.rim(LATTICE)
 
     def flat(index):
         return unit_mm * result.psi(*rim[index % LATTICE].T)
@@ -271,13 +280,13 @@ def _distance(point, start, end):
     return np.linalg.norm(point - start - share[:, None] * along, axis=1)
 
 
-def _warn(result, outline, room):
+def _warn(result, outlines, room):
     """Say what is wrong with the patch, to the caller of an export."""
     flaws = []
     if not result.converged:
         flaws.append(f"this is the pattern of a solve that did not converge: {result.reason}")
-    # As J > 0, the patch is free of overlap if and only if its outline is.
-    if crossing(outline):
+    # As J > 0, the patch is free of overlap if and only if its outlines are.
+    if crossing(*outlines):
         flaws.append("the patch overlaps itself: it cannot be cut from one piece of cloth")
     elif (place := room.narrowest(NARROW)) is not None:
         where = f"for instance at ({place[0]:.1f}, {place[1]:.1f}) mm"
@@ -286,20 +295,20 @@ def _warn(result, outline, room):
         warnings.warn(flaw, UserWarning, stacklevel=4)
 
 
-def _offset(outline, distance, tolerance):
+def _offset(outline, holes, distance, tolerance):
     """The parallel curves of an outline, all of them closed: an outline and perhaps holes."""
     shapely = require("shapely")
-    region = shapely.make_valid(shapely.Polygon(outline), method="structure")
+    region = shapely.make_valid(shapely.Polygon(outline, holes), method="structure")
     arc = 2 * np.arccos(1 - min(tolerance / distance, 0.1))
     wider = region.buffer(distance, quad_segs=int(np.ceil(np.pi / 2 / arc)))
     rings = [ring for part in shapely.get_parts(wider) for ring in (part.exterior, *part.interiors)]
     return [Curve(np.array(ring.coords)[:-1], closed=True) for ring in rings]
 
 
-def _threads(outline, pitch, axis):
+def _threads(outline, holes, pitch, axis):
     """Threads along `axis`, at the multiples of `pitch`, within the outline."""
     levels = thread_levels(outline[:, 1 - axis], pitch)
-    return [Curve(chord) for chord in chords(outline, levels, axis)]
+    return [Curve(chord) for chord in chords(outline, levels, axis, holes)]
 
 
 def _mark_items(flat, outline, room):
@@ -339,7 +348,7 @@ def _label(result, outline, unit_mm, pitch, seam):
         fabric = type(scene.fabric).__name__
     width, height = np.ptp(outline, axis=0)
     area = unit_mm**2 * result.area / 100
-    face = "looks away from" if scene.surface.side == 1 else "lies against"  # E1 × E2 is upwards
+    face = "looks away from" if result.sheet.side == 1 else "lies against"  # E1 × E2 is upwards
     lines = [
         scene.name,
         f"fabric: {fabric}",

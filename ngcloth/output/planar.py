@@ -1,6 +1,6 @@
 """Plane geometry of the region within a closed outline, (n, 2): its chords, width and crossings.
 
-Outlines run counter-clockwise and do not repeat their first point.
+Outlines run counter-clockwise, those of holes clockwise, and do not repeat their first point.
 """
 
 import numpy as np
@@ -8,17 +8,18 @@ import numpy as np
 FEWEST, MOST = 1000, 100_000  # points at which an outline is sampled
 
 
-def crossing(outline):
-    """A point where the closed outline meets itself, or None."""
-    start, end = outline, np.roll(outline, -1, axis=0)
+def crossing(outline, *holes):
+    """A point where the closed outline meets itself or a hole, or holes meet; or None."""
+    start, end = _sides(outline, *holes)
     (low, below), (high, above) = np.minimum(start, end).T, np.maximum(start, end).T
-    order, n = np.argsort(low), len(outline)
+    order, n = np.argsort(low), len(start)
     # To each side, from left to right, those after it that begin before it ends.
     count = np.searchsorted(low[order], high[order], side="right") - np.arange(n) - 1
     one = np.repeat(np.arange(n), count)
     other = one + 1 + np.arange(len(one)) - np.repeat(np.cumsum(count) - count, count)
     i, j = order[one], order[other]
-    near = (below[i] <= above[j]) & (above[i] >= below[j]) & ~np.isin(np.abs(i - j), (1, n - 1))
+    _, after = _sides(*(np.arange(len(o)) + f for o, f in _numbered(outline, *holes)))
+    near = (below[i] <= above[j]) & (above[i] >= below[j]) & (after[i] != j) & (after[j] != i)
     i, j = i[near], j[near]
 
     def apart(i, j):
@@ -30,7 +31,7 @@ def crossing(outline):
     return tuple(start[i[met][0]].tolist()) if met.any() else None
 
 
-def chords(outline, levels, axis):
+def chords(outline, levels, axis, holes=()):
     """The parts of the lines along `axis` at `levels` that lie within the outline.
 
     Parameters
@@ -41,6 +42,8 @@ def chords(outline, levels, axis):
         Of the other coordinate.
     axis : {0, 1}
         Of the coordinate that varies along the lines.
+    holes : sequence of ndarray, optional
+        Their outlines.
 
     Returns
     -------
@@ -48,7 +51,7 @@ def chords(outline, levels, axis):
         Their ends, the lower one first, level by level. Where the outline overlaps itself they
         are those of all it covers.
     """
-    start, end = outline, np.roll(outline, -1, axis=0)
+    start, end = _sides(outline, *holes)
     found = []
     for level in levels:
         # A corner on the line belongs to the sides above it, that it be counted once or twice.
@@ -79,6 +82,8 @@ class Room:
     outline : ndarray, (n, 2)
     spacing : float
         Of the samples at most, as long as that takes no more than `MOST`.
+    holes : sequence of ndarray, optional
+        Their outlines.
 
     Attributes
     ----------
@@ -87,17 +92,15 @@ class Room:
     radii : ndarray, (k,)
     """
 
-    def __init__(self, outline, spacing):
+    def __init__(self, outline, spacing, holes=()):
         from matplotlib.path import Path
         from matplotlib.tri import Triangulation
 
-        self._path = Path(outline, closed=False)
-        ends = np.append(outline, outline[:1], axis=0)
-        along = np.append(0, np.cumsum(np.linalg.norm(np.diff(ends, axis=0), axis=1)))
-        self._length = along[-1]
-        n = int(np.clip(self._length / spacing, FEWEST, MOST))
-        self._along = np.union1d(along[:-1], self._length * np.arange(n) / n)
-        self._samples = np.stack([np.interp(self._along, along, x) for x in ends.T], axis=-1)
+        self._paths = [Path(each, closed=False) for each in (outline, *holes)]
+        samples = [_sampled(each, spacing) for each in (outline, *holes)]
+        self._samples, self._along = (np.concatenate(part) for part in zip(*samples, strict=True))
+        self._rim = np.repeat(np.arange(len(samples)), [len(along) for _, along in samples])
+        self._length = np.array([_length(each) for each in (outline, *holes)])
         self._triangulation = Triangulation(*self._samples.T)
         self.centres, self.radii = self._circles()
 
@@ -122,12 +125,18 @@ class Room:
         if 2 * self.radii.max() < width:
             return self.centres[np.argmax(self.radii)]
         one, other = self._triangulation.edges.T
-        along = np.abs(self._along[one] - self._along[other])
+        along, length = np.abs(self._along[one] - self._along[other]), self._length[self._rim[one]]
         across = np.linalg.norm(self._samples[one] - self._samples[other], axis=1)
         middle = (self._samples[one] + self._samples[other]) / 2
-        beyond = np.minimum(along, self._length - along)
-        narrow = (across < width) & (beyond > 5 * width) & self._path.contains_points(middle)
+        beyond = np.where(
+            self._rim[one] == self._rim[other], np.minimum(along, length - along), np.inf
+        )
+        narrow = (across < width) & (beyond > 5 * width) & self._contains(middle)
         return middle[narrow][np.argmin(across[narrow])] if narrow.any() else None
+
+    def _contains(self, points):
+        outer, *holes = (path.contains_points(points) for path in self._paths)
+        return outer & ~np.any(holes, axis=0) if holes else outer
 
     def _circles(self):
         corners = self._samples[self._triangulation.triangles]
@@ -137,9 +146,33 @@ class Room:
         with np.errstate(all="ignore"):  # three samples on a line
             centres = corners[:, 0] + turned / (2 * _cross(a, b)[:, None])
         inside = np.isfinite(centres).all(axis=1)
-        inside[inside] = self._path.contains_points(centres[inside])
+        inside[inside] = self._contains(centres[inside])
         radii = np.linalg.norm(corners - centres[:, None], axis=2).min(axis=1)
         return centres[inside], radii[inside]
+
+
+def _sides(*outlines):
+    """Where the sides of closed outlines start and end."""
+    ends = [np.roll(outline, -1, axis=0) for outline in outlines]
+    return np.concatenate(outlines), np.concatenate(ends)
+
+
+def _numbered(*outlines):
+    """Outlines, and the number of the first side of each."""
+    return zip(outlines, np.cumsum([0, *map(len, outlines)])[:-1], strict=True)
+
+
+def _length(outline):
+    return np.linalg.norm(outline - np.roll(outline, 1, axis=0), axis=1).sum()
+
+
+def _sampled(outline, spacing):
+    """Points along an outline, its corners among them, and how far along they are."""
+    ends = np.append(outline, outline[:1], axis=0)
+    along = np.append(0, np.cumsum(np.linalg.norm(np.diff(ends, axis=0), axis=1)))
+    n = int(np.clip(along[-1] / spacing, FEWEST, MOST))
+    at = np.union1d(along[:-1], along[-1] * np.arange(n) / n)
+    return np.stack([np.interp(at, along, x) for x in ends.T], axis=-1), at
 
 
 def _cross(a, b):

@@ -1,9 +1,9 @@
 """Flat pictures of a `Result` on axes of matplotlib: patch, domain, fields, convergence."""
 
-import ngsolve as ngs
 import numpy as np
 
 from ..errors import InputError
+from ..problem.domain import MeshDomain
 
 LABELS = {
     "stretch1": r"warp stretch $\lambda_1$",
@@ -90,8 +90,7 @@ def patch(ax, result, *, field=None, pitch=None, levels=21, rings=60, **line):
     Colorbar or None
         The colour bar of the map.
     """
-    rim = result.outline()
-    bar = _sheet(ax, result, result.psi, rim, field, pitch, levels, rings, **line)
+    bar = _sheet(ax, result, result.psi, field, pitch, levels, rings, **line)
     ax.set(xlabel=r"$X_1$ [length]", ylabel=r"$X_2$ [length]")
     return bar
 
@@ -113,14 +112,13 @@ def domain(ax, result, *, field=None, pitch=None):
     Colorbar or None
         The colour bar of the map.
     """
-    rim = result.scene.surface.domain.rim(400)
-    bar = _sheet(ax, result, lambda *theta: np.stack(theta, axis=-1), rim, field, pitch)
+    bar = _sheet(ax, result, lambda *theta: np.stack(theta, axis=-1), field, pitch)
     ax.set(xlabel=r"$\theta_1$", ylabel=r"$\theta_2$")
     return bar
 
 
-def _sheet(ax, result, place, rim, field, pitch, levels=21, rings=60, **line):
-    """Draw map, threads and the closed `rim`; ``place(θ1, θ2)`` says where points go, (n, 2)."""
+def _sheet(ax, result, place, field, pitch, levels=21, rings=60, **line):
+    """Draw map, threads and closed rims; ``place(θ1, θ2)`` says where points go, (n, 2)."""
     bar = None
     if field is not None or pitch is not None:
         theta, triangles = sample(result, rings)
@@ -143,7 +141,9 @@ def _sheet(ax, result, place, rim, field, pitch, levels=21, rings=60, **line):
                 linestyles="solid",
             )
     line = {"color": "black", "linewidth": 1.2} | line
-    ax.plot(*np.concatenate([rim, rim[:1]]).T, **line)
+    for rim in rims(result.domain, 400):
+        ax.plot(*place(*np.concatenate([rim, rim[:1]]).T).T, **line)
+        line.pop("label", None)
     ax.use_sticky_edges = False  # contours would cut the outline in half
     ax.margins(0.04)
     ax.set_aspect("equal")
@@ -200,26 +200,28 @@ def convergence(ax, result, **line):
 def sample(result, rings=60):
     """Points and triangles that cover the whole domain of a result, all mirror images included.
 
-    The rim, shrunk towards the centre in equal steps; so the domain has to be star-shaped about
-    its centre.
+    For charts, the rim, shrunk towards the centre in equal steps; so the domain has to be
+    star-shaped about its centre. For surfaces from files, the triangles of the mesh in equal parts.
 
     Parameters
     ----------
     result : Result
         Only its domain matters.
     rings : int
-        Number of steps; each ring has 4 points for each.
+        Number of steps; each ring has 4 points for each. For files, about as many triangles.
 
     Returns
     -------
     theta : ndarray, (n, 2)
-        Parameter points: the centre, then ring after ring.
+        Parameter points; for charts the centre, then ring after ring.
     triangles : ndarray of int, (m, 3)
         Counter-clockwise.
     """
     if rings < 2:
         raise InputError("rings", rings, "2 or more")
-    domain, n = result.scene.surface.domain, 4 * rings
+    domain, n = result.domain, 4 * rings
+    if isinstance(domain, MeshDomain):
+        return domain.divided(int(np.ceil(np.sqrt(8 * rings**2 / len(domain.triangles)))))
     spokes = domain.rim(n) - domain.centre
     shrink = np.arange(1, rings + 1)[:, None, None] / rings
     theta = np.concatenate([domain.centre[None], (domain.centre + shrink * spokes).reshape(-1, 2)])
@@ -236,15 +238,21 @@ def sample(result, rings=60):
     return theta, np.concatenate([fan, lower, upper])
 
 
-def central_frame(surface):
+def rims(domain, n):
+    """Points of the rim of a domain, and of those around its holes, a list of (n, 2)."""
+    return [domain.rim(n)] + [domain.rim(n, hole) for hole in range(1, domain.holes + 1)]
+
+
+def central_frame(result):
     """Axes to look at a surface from, right-handed unit vectors in the rows of a (3, 3) array.
 
     At the centre of the domain: the first along θ1, as the warp of a symmetric patch, the third
     along the normal. The second is along the weft or, where `Surface.side` is -1, against it.
     """
-    centre = surface.domain.centre
-    along = surface.evaluate(surface.position.Diff(ngs.x), centre)
-    warp, normal = along / np.linalg.norm(along), surface.evaluate(surface.normal, centre)
+    centre, sheet = result.domain.centre, result.sheet
+    along, normal = (result.evaluate(each, centre) for each in (sheet.tangents[0], sheet.normal))
+    along = along - (along @ normal) * normal  # of a file's, the normal is the more precise
+    warp = along / np.linalg.norm(along)
     return np.stack([warp, np.cross(normal, warp), normal])
 
 

@@ -11,6 +11,7 @@ from urllib.parse import quote
 import numpy as np
 
 from ..errors import InputError
+from ..problem.domain import MeshDomain
 from .files import checked_file, write_file
 from .plot import (
     LABELS,
@@ -56,7 +57,7 @@ def report(result, path, files=()):
     Notes
     -----
     The page loads nothing: figures are PNG within it, the cloth is drawn by a script of its own.
-    The domain has to be star-shaped about its centre, see `ngcloth.plot.sample`.
+    The domain of a chart has to be star-shaped about its centre, see `ngcloth.plot.sample`.
     """
     page = checked_file(path, ".html")
     links = _links(page.parent, files)
@@ -196,14 +197,19 @@ def _cloth(result, fields):
     and the number of rings to the rim. Per field and point: a place from 0 to 255 on a map of
     colours.
     """
-    surface = result.scene.surface
     theta, triangles = sample(result, RINGS)
-    frame = central_frame(surface)
-    points = surface.evaluate(surface.position, theta) @ frame.T
+    frame = central_frame(result)
+    points, normals = (
+        result.evaluate(each, theta) @ frame.T
+        for each in (result.sheet.position, result.sheet.normal)
+    )
     points -= (points.min(axis=0) + points.max(axis=0)) / 2
     points /= np.linalg.norm(points, axis=1).max()
     psi = result.psi(*theta.T)
-    from_rim = np.append(RINGS, np.repeat(np.arange(RINGS)[::-1], 4 * RINGS))
+    if isinstance(result.domain, MeshDomain):
+        from_rim = np.where(result.domain.on_rim(theta), 0, 1)
+    else:
+        from_rim = np.append(RINGS, np.repeat(np.arange(RINGS)[::-1], 4 * RINGS))
     lines = np.column_stack([psi / default_pitch(psi), from_rim])
 
     def whole(values):
@@ -211,7 +217,7 @@ def _cloth(result, fields):
 
     return {
         "points": whole(1e4 * points),
-        "normals": whole(1e2 * surface.evaluate(surface.normal, theta) @ frame.T),
+        "normals": whole(1e2 * normals),
         "lines": whole(1e3 * lines),
         "triangles": whole(triangles),
         "fields": [_coloured(result, field, theta, whole) for field in fields],

@@ -20,6 +20,7 @@ from .plot import (
     colours,
     default_pitch,
     plain,
+    rims,
     sample,
     sampled_field,
     thread_levels,
@@ -98,11 +99,12 @@ def cloth(
         lines = mesh.contour(list(levels), scalars=position).strip()
         tubes = lines.tube(radius=0.0016 * mesh.length, n_sides=8)
         plotter.add_mesh(tubes, color="dimgray" if field else colour, smooth_shading=True)
-    rim = np.arange(mesh.n_points - 4 * rings, mesh.n_points)
-    edge = pv.lines_from_points(mesh.points[rim], close=True)
-    plotter.add_mesh(edge.tube(radius=0.0025 * mesh.length, n_sides=8), color="black")
+    for rim in rims(result.domain, 4 * rings):
+        points = result.evaluate(result.sheet.position, rim)
+        edge = pv.lines_from_points(points, close=True)
+        plotter.add_mesh(edge.tube(radius=0.0025 * mesh.length, n_sides=8), color="black")
 
-    frame = central_frame(result.scene.surface)
+    frame = central_frame(result)
     _look(plotter, mesh, frame, azimuth, elevation, BAR_SHARE if field else 0.0)
     if screenshot is not None:
         picture = _picture(plotter, screenshot.suffix.lower())
@@ -153,9 +155,9 @@ def _window(off_screen):
 
 def _sampled_surface(result, rings):
     """The surface as triangles, with θ and ψ at each point."""
-    surface = result.scene.surface
     theta, triangles = sample(result, rings)
-    mesh = pv.PolyData.from_regular_faces(surface.evaluate(surface.position, theta), triangles)
+    points = result.evaluate(result.sheet.position, theta)
+    mesh = pv.PolyData.from_regular_faces(points, triangles)
     mesh.point_data["theta"], mesh.point_data["psi"] = theta, result.psi(*theta.T)
     return mesh
 

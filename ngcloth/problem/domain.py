@@ -18,6 +18,8 @@ class Domain:
     face is one, with one closed rim; a `Surface` refuses any other.
     """
 
+    holes = 0
+
     @property
     def centre(self):
         """The point (θ1, θ2) in which the two mirror lines cross."""
@@ -190,7 +192,7 @@ class MeshDomain(Domain):
 
     def __init__(self, mesh):
         self._mesh = mesh
-        vertices = mesh.ngmesh.Coordinates()[:, :2]
+        vertices = mesh.ngmesh.Coordinates()
         triangles = mesh.ngmesh.Elements2D().NumPy()["nodes"][:, :3] - 1
         self.triangles = vertices[triangles]
         edges = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
@@ -234,17 +236,45 @@ class MeshDomain(Domain):
         within[outside] = distance <= tolerance * self.diameter
         return within.reshape(theta.shape[:-1])
 
-    def rim(self, n, which=0):
+    @property
+    def holes(self):
+        """How many there are."""
+        return len(self.rims) - 1
+
+    def rim(self, n, hole=0):
         """`n` points around the rim, counter-clockwise from the largest θ1, shape (n, 2).
 
-        They are equally spaced in the plane. `which` > 0 names a hole, around which they run
-        clockwise.
+        They are equally spaced in the plane; around a `hole`, numbered from 1, they run clockwise.
         """
         n = check_integer("n", n, 1)
-        closed = np.concatenate([self.rims[which], self.rims[which][:1]])
+        closed = np.concatenate([self.rims[hole], self.rims[hole][:1]])
         lengths = np.cumsum(np.r_[0, np.linalg.norm(np.diff(closed, axis=0), axis=1)])
         at = lengths[-1] * np.arange(n) / n
         return np.stack([np.interp(at, lengths, closed[:, i]) for i in (0, 1)], axis=-1)
+
+    def on_rim(self, theta, tolerance=1e-6):
+        """Whether points `theta`, (n, 2), lie on a rim; a boolean array."""
+        near, _ = self._nearest(theta)
+        return np.linalg.norm(near - theta, axis=1) <= tolerance * self.diameter
+
+    def divided(self, parts):
+        """Its triangles, each side in `parts`: points (n, 2), and triangles by their numbers."""
+        i, j = np.array([(i, j) for i in range(parts + 1) for j in range(parts + 1 - i)]).T
+        number = np.full((parts + 2, parts + 2), -1)
+        number[i, j] = np.arange(len(i))
+        upright = i + j < parts
+        a, b = i[upright], j[upright]
+        small = [np.stack([number[a, b], number[a + 1, b], number[a, b + 1]], axis=-1)]
+        a, b = i[i + j < parts - 1], j[i + j < parts - 1]
+        small.append(np.stack([number[a + 1, b], number[a + 1, b + 1], number[a, b + 1]], axis=-1))
+        shares = np.stack([parts - i - j, i, j], axis=-1) / parts
+        points = np.einsum("ns,tsc->tnc", shares, self.triangles)
+        first = len(i) * np.arange(len(points))[:, None, None]
+        triangles = (first + np.concatenate(small)).reshape(-1, 3)
+        points = points.reshape(-1, 2)
+        grid = np.rint(points / (1e-7 * self.diameter)).astype(np.int64)
+        _, once, where = np.unique(grid, axis=0, return_index=True, return_inverse=True)
+        return points[once], where.ravel()[triangles]
 
     def located(self, theta):
         """Points of the mesh at `theta`, (n, 2), or, where rounding puts them outside, beside."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache
 
 import ngsolve as ngs
 import numpy as np
@@ -143,7 +143,7 @@ class Scene:
         """2π kc, the unit in which the paper gives energies."""
         return 2 * np.pi * self.fabric.stiffness
 
-    @cached_property
+    @property
     def tried_on(self):
         """The surface on which functions of the user's own are tried: this one, if it has a chart.
 
@@ -151,8 +151,7 @@ class Scene:
         """
         if isinstance(self.surface, Surface):
             return self.surface
-        size = self.surface.size
-        return Surface(lambda x, y: (x, y, (x * x + y * y / 2) / size), Disk(size / 2))
+        return _cap(self.surface.size)
 
     def start_expression(self):
         """The first guess, a pair of NGSolve expressions of x = θ1, y = θ2, zero at the centre."""
@@ -307,3 +306,8 @@ class Scene:
                 "  terms   " + "; ".join(terms),
             ]
         )
+
+
+@cache
+def _cap(size):
+    return Surface(lambda x, y: (x, y, (x * x + y * y / 2) / size), Disk(size / 2))

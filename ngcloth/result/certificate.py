@@ -11,6 +11,7 @@ from math import comb
 import ngsolve as ngs
 import numpy as np
 
+from ..output.planar import crossing
 from ..problem.constraints import Obstacle, ShearLimit
 from .stationarity import _cloth, _StationaryPoint
 from .stationarity import least_eigenvalue as least_eigenvalue
@@ -168,7 +169,7 @@ def verify(result):
         `certified` if the limits hold between the sampling points too, ψ folds and overlaps
         nowhere, the pinned cloth is in equilibrium, and ψ is a (local) minimum: stationary, with
         multipliers found from ψ, and of no negative curvature. In a symmetric scene, a minimum
-        among symmetric patches. The domain is taken to be simply connected.
+        among symmetric patches.
     """
     limits, jacobian = _limits(result)
     fine = _unfolded(result) if jacobian > 0 else False
@@ -181,7 +182,7 @@ def verify(result):
         limits=limits,
         jacobian=jacobian,
         unfolded=fine,
-        overlap=_crossing(result.outline(_rim_points(result))),
+        overlap=crossing(*_outlines(result)),
         equilibrium=result.equilibrium_residual if limits else None,
         stress=point.stress,
         stationarity_tolerance=point.tolerance,
@@ -257,29 +258,11 @@ def _quartered(triangle):
     return [*corners, middles]
 
 
-def _rim_points(result):
-    """How many points to take along the rim: eight for each element there."""
+def _outlines(result):
+    """The rim of the patch and those of its holes, eight points for each element there."""
     edges = result.state.space.mesh.Boundaries("rim").Elements()
-    return int(np.clip(8 * result.scene.copies * sum(1 for _ in edges), 400, 2000))
-
-
-def _crossing(curve):
-    """A point where a closed polyline (n, 2) meets itself, or None."""
-    a, b = curve, np.roll(curve, -1, axis=0)
-    low, high = np.minimum(a, b), np.maximum(a, b)
-    near = np.all((low[:, None] <= high) & (high[:, None] >= low), axis=-1)
-    near = np.triu(near, 2)
-    near[0, -1] = False
-    i, j = np.nonzero(near)
-
-    def apart(p, q, r):
-        """Whether two points r lie on one side of the line through p and q."""
-        (u, v), (w, x) = (q - p).T, np.stack([(point - p).T for point in r], axis=1)
-        sides = u * x - v * w
-        return sides[0] * sides[1] > 0
-
-    met = ~apart(a[i], b[i], (a[j], b[j])) & ~apart(a[j], b[j], (a[i], b[i]))
-    return tuple(a[i[met][0]].tolist()) if met.any() else None
+    n = int(np.clip(8 * result.scene.copies * sum(1 for _ in edges), 400, 2000))
+    return [result.outline(n, hole) for hole in range(result.domain.holes + 1)]
 
 
 def _point(values):

@@ -13,6 +13,8 @@ from netgen.occ import OCCGeometry
 
 from .. import scenes
 from ..errors import InputError, check_integer
+from ..geometry.file_surface import FileSurface, curvature_order
+from ..geometry.sheet import planar_mesh, sheet_through
 from ..problem.kinematics import Kinematics, gradient
 from ..problem.scene import Scene
 from .alone import alone
@@ -23,6 +25,7 @@ from .save import (
     CHECKSUMS,
     FILES,
     FORMAT,
+    SURFACE,
     VERSION,
     at_nodes,
     checked_path,
@@ -92,7 +95,8 @@ def restored(files, scene=None, folder="pickle"):
     with _reading(folder, "fields.npz"):
         fields = plain_arrays(files["fields.npz"], LARGEST["fields.npz"])
         _check_fields(fields, settings, scene)
-        mesh = _mesh(scene, fields, settings["order"])
+        sheet = _sheet(scene, fields, settings["order"])
+        mesh = sheet.mesh
         state = _state(scene, mesh, settings, fields)
     with _reading(folder, "history.csv"):
         history = _history(files["history.csv"])
@@ -102,7 +106,7 @@ def restored(files, scene=None, folder="pickle"):
         reason=reason,
         history=history,
         settings=settings,
-        sheet=scene.surface.on(mesh),
+        sheet=sheet,
         **numbers,
     )
     with _reading(folder, "result.json"):
@@ -179,9 +183,13 @@ def _scene(scene, record, expected, folder):
         with _reading(folder, "result.json"):
             recipe, name = record["scene"]["recipe"], record["scene"]["name"]
             if recipe is None:
-                allowed = f"the scene {name!r} that was solved; its chart is not in the files"
+                allowed = f"the scene {name!r} that was solved; its functions are not in the files"
                 raise InputError("scene", None, allowed)
-            scene = scenes.NAMED[recipe["scene"]](**recipe["arguments"])
+            if recipe["scene"] == "part":
+                scene = scenes.part(_surface(expected), **recipe["arguments"])
+            else:
+                scene = scenes.NAMED[recipe["scene"]](**recipe["arguments"])
+    expected = {name: each for name, each in expected.items() if not name.startswith(SURFACE)}
     words, found = scene_words(scene), fingerprint(scene)
     with _reading(folder, "scene.npz"):
         if "cost" not in expected:  # written before it was kept; the cost of ψ is compared anyhow
@@ -194,6 +202,15 @@ def _scene(scene, record, expected, folder):
         text = f"the scene that was solved; {', '.join(differing)} differ"
         raise InputError(argument, value, text)
     return scene
+
+
+def _surface(expected):
+    """The surface from a file whose arrays are among those of scene.npz."""
+    from ..geometry.cad import CadSurface
+    from ..geometry.facets import FacetSurface
+
+    arrays = {name.removeprefix(SURFACE): each for name, each in expected.items()}
+    return (CadSurface if "brep" in arrays else FacetSurface).of_arrays(arrays)
 
 
 def _same(values, expected):
@@ -220,6 +237,9 @@ def _check_fields(fields, settings, scene):
     """Refuse arrays that Netgen would take without a look, and fail on."""
     order, quadrature = settings["order"], settings["quadrature"]
     names = {"state", "theta", "psi", "vertices", "triangles", "segments"}
+    file = isinstance(scene.surface, FileSurface)
+    orders = (order, curvature_order(order)) if file else ()
+    names |= {f"nodes{each}" for each in orders}
     if fields.keys() != names | ({"eta"} if scene.in_equilibrium else set()):
         raise ValueError(f"it has other arrays than {', '.join(sorted(names))}")
     vertices, triangles, segments = (fields[n] for n in ("vertices", "triangles", "segments"))
@@ -227,6 +247,7 @@ def _check_fields(fields, settings, scene):
     shapes = {name: nodes for name in ("theta", "psi", "eta")} | {"state": (fields["state"].size,)}
     shapes |= {"vertices": (len(vertices), 2), "triangles": (len(triangles), 3)}
     shapes |= {"segments": (len(segments), 3)}
+    shapes |= {f"nodes{o}": (len(triangles), (o + 1) * (o + 2) // 2, 3) for o in orders}
     for name, array in fields.items():
         kind = "i" if name in ("triangles", "segments") else "f"
         if array.shape != shapes[name] or array.dtype.kind != kind or not np.isfinite(array).all():
@@ -236,13 +257,13 @@ def _check_fields(fields, settings, scene):
             raise ValueError(f"{name} has other entries than vertices")
     if len(triangles) * (quadrature // 2 + 1) ** 2 > MOST_POINTS:
         raise ValueError(f"its quadrature on these triangles has more than {MOST_POINTS} points")
-    _check_triangulation(vertices, triangles, segments, scene.surface.domain)
-
-
-def _check_triangulation(vertices, triangles, segments, domain):
-    """Refuse triangles that are turned over, or bounded by other edges than the segments."""
-    if not domain.contains(vertices).all():
+    if not file and not scene.surface.domain.contains(vertices).all():
         raise ValueError("vertices lie outside the domain")
+    _check_triangulation(vertices, triangles, segments)
+
+
+def _check_triangulation(vertices, triangles, segments):
+    """Refuse triangles that are turned over, or bounded by other edges than the segments."""
     if set(triangles.ravel().tolist()) != set(range(len(vertices))):
         raise ValueError("vertices belong to no triangle")
     first, second, third = vertices[triangles].transpose(1, 2, 0)
@@ -256,6 +277,16 @@ def _check_triangulation(vertices, triangles, segments, domain):
     of_one = np.array_equal(np.unique(np.sort(once, axis=1), axis=0), rim)
     if len(np.unique(there)) < len(there) or len(rim) < len(segments) or not of_one:
         raise ValueError("segments are not the edges of one triangle")
+
+
+def _sheet(scene, fields, order):
+    """The surface on the mesh of the solve."""
+    if not isinstance(scene.surface, FileSurface):
+        return scene.surface.on(_mesh(scene, fields, order))
+    names = np.full(len(fields["segments"]), "rim")
+    mesh = planar_mesh(fields["vertices"], fields["triangles"], fields["segments"][:, :2], names)
+    nodes = {each: fields[f"nodes{each}"] for each in (order, curvature_order(order))}
+    return sheet_through(mesh, nodes)
 
 
 def _mesh(scene, fields, order):

@@ -6,7 +6,7 @@ from functools import cached_property
 import ngsolve as ngs
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, check_integer
 from ..geometry.file_surface import FileSurface
 from ..geometry.sheet import Sheet
 from ..output.cut import export_dxf, export_svg
@@ -184,14 +184,18 @@ class Result:
         values = _at(self._fields[name], points).reshape(sign.shape[:-1])
         return values * sign.prod(axis=-1) if name == "shear" else values
 
-    def outline(self, n=400):
+    def outline(self, n=400, hole=0):
         """`n` points along the rim of the whole flat patch, shape (n, 2).
 
         They start at the largest θ1 on the axis θ2 = centre, for files at the largest of all, and
         run counter-clockwise in θ. The curve is closed: the first point follows the last and is
         not repeated.
+
+        Around a `hole`, numbered from 1 to ``result.domain.holes``, they run clockwise.
         """
-        return self.psi(*self.domain.rim(n).T)
+        if not check_integer("hole", hole, 0) <= self.domain.holes:
+            raise InputError("hole", hole, f"a number up to {self.domain.holes}")
+        return self.psi(*(self.domain.rim(n, hole) if hole else self.domain.rim(n)).T)
 
     export_svg = export_svg
     export_dxf = export_dxf

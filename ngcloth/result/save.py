@@ -15,6 +15,7 @@ import ngsolve as ngs
 import numpy as np
 
 from ..errors import InputError
+from ..geometry.file_surface import FileSurface
 from ..problem.kinematics import Kinematics
 from .history import COLUMNS
 from .reading import is_plain
@@ -27,6 +28,7 @@ except ImportError:  # not on Windows
 FORMAT, VERSION = "ngcloth result", 1
 FILES = ("result.json", "history.csv", "scene.npz", "fields.npz")
 CHECKSUMS = "SHA256SUMS"
+SURFACE = "surface_"  # before the names of arrays of a surface
 # A flat strain on top of a scene's start, so that its fingerprint feels every stiffness.
 SHEARED = ((1.0, 0.2), (-0.1, 1.05))
 
@@ -41,8 +43,11 @@ def save(result, folder):
                   nodes (i/p, j/p), i + j ≤ p, j fastest, of every triangle, p the order of ψ, each
                   (triangles, nodes, 2); all coefficients (``state``); and the mesh of the domain or
                   its quarter: ``vertices`` (n, 2), ``triangles`` (k, 3) by vertex, ``segments``
-                  (m, 3) by two vertices and the edge of the domain, from 1, on which they lie
-    scene.npz     what the scene is at points of its domain; see `fingerprint`
+                  (m, 3) by two vertices and the edge of the domain, from 1, on which they lie; of
+                  a surface from a file, its points in space at the nodes of each triangle, of the
+                  order of ψ and of a higher one (``nodes2``, ``nodes4``)
+    scene.npz     what the scene is at points of its domain; see `fingerprint`; and the surface, if
+                  it came from a file (``surface_…``)
     SHA256SUMS    checksums of the above, as ``sha256sum -c`` reads them
     ============  ==================================================================================
 
@@ -74,7 +79,7 @@ def contents(result):
     files = {
         "result.json": json.dumps(_record(result), indent=2, ensure_ascii=False, default=_plain),
         "history.csv": _table(result.history),
-        "scene.npz": _packed(**fingerprint(result.scene)),
+        "scene.npz": _packed(**fingerprint(result.scene), **_surface(result.scene)),
         "fields.npz": _packed(**_fields(result)),
     }
     files = {n: each.encode() if isinstance(each, str) else each for n, each in files.items()}
@@ -139,9 +144,11 @@ def fingerprint(scene):
     dict of ndarray
         "theta" (n, 2), the points; "position" (n, 3), φ; "start" (n, 2), ψ of the start; "cloth"
         (n, ...), energy density, reaction and all slacks of the start, sheared; and in scenes with
-        one, "cost" (n,) of the same. Files written before the latter was kept have none.
+        one, "cost" (n,) of the same. Files written before the latter was kept have none. For a
+        surface from a file, "surface" (1, 9) in place of "position": corners of its box, area,
+        length of sharp edges and least radius; the rest is of a cap of its size.
     """
-    surface = scene.surface
+    surface = scene.tried_on
     theta, start = surface.domain.sample(4), ngs.CF(scene.start_expression())
     start_gradient = ngs.CF(
         tuple(component.Diff(t) for component in (start[0], start[1]) for t in (ngs.x, ngs.y)),
@@ -155,7 +162,19 @@ def fingerprint(scene):
     if scene.cost is not None:
         expressions["cost"] = scene.cost(cloth)
     values = {name: surface.evaluate(each, theta) for name, each in expressions.items()}
+    if isinstance(scene.surface, FileSurface):
+        file = scene.surface
+        numbers = [*file.box.ravel(), file.area, file.sharp, file.least_radius]
+        del values["position"]
+        values["surface"] = np.array([numbers])
     return {"theta": theta} | values
+
+
+def _surface(scene):
+    """The arrays of a surface from a file."""
+    if not isinstance(scene.surface, FileSurface):
+        return {}
+    return {f"{SURFACE}{name}": array for name, array in scene.surface.arrays().items()}
 
 
 def scene_words(scene):
@@ -232,6 +251,7 @@ def _fields(result):
         if result.state.components[part]
     }
     nodes = {name: at_nodes(field, mesh, order) for name, field in fields.items()}
+    nodes |= {f"nodes{order}": points for order, points in result.sheet.nodes.items()}
     return {"state": result.state.vec.FV().NumPy()} | nodes | _triangulation(mesh.ngmesh)
 
 

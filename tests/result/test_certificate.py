@@ -10,7 +10,8 @@ from netgen.occ import OCCGeometry
 
 import ngcloth
 from ngcloth import Net, Rectangle, Result, Scene, Surface, solve
-from ngcloth.result.certificate import _crossing, _StationaryPoint, _unfolded, least_eigenvalue
+from ngcloth.output.planar import crossing
+from ngcloth.result.certificate import _StationaryPoint, _unfolded, least_eigenvalue
 from ngcloth.result.history import Reason
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
 
@@ -154,10 +155,10 @@ def test_overlap(turns, overlaps):
 
 def test_crossing_of_polylines():
     t = 2 * np.pi * np.arange(300) / 300
-    assert _crossing(np.stack([np.cos(t), np.sin(t)], axis=1)) is None
-    eight = _crossing(np.stack([np.sin(t + 0.01), np.sin(2 * t + 0.02)], axis=1))
+    assert crossing(np.stack([np.cos(t), np.sin(t)], axis=1)) is None
+    eight = crossing(np.stack([np.sin(t + 0.01), np.sin(2 * t + 0.02)], axis=1))
     assert np.hypot(*eight) < 0.05
-    assert _crossing(np.array([[0.0, 0.0], [2, 0], [2, 2], [1, 0], [0, 2]])) is not None  # touches
+    assert crossing(np.array([[0.0, 0.0], [2, 0], [2, 2], [1, 0], [0, 2]])) is not None  # touches
 
 
 class Unstable:

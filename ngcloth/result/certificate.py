@@ -49,6 +49,9 @@ class LimitCheck:
         """Whether the slack is within its tolerance."""
         return self.slack >= -self.tolerance
 
+    def __str__(self):
+        return f"{self.name} missed by {-self.slack:.2g} at θ = {_point(self.theta)}"
+
 
 @dataclass(frozen=True)
 class Certificate:
@@ -114,11 +117,7 @@ class Certificate:
     @property
     def faults(self):
         """What does not hold, a list of phrases."""
-        faults = [
-            f"{check.name} missed by {-check.slack:.2g} at θ = {_point(check.theta)}"
-            for check in self.limits
-            if not check.holds
-        ]
+        faults = [str(check) for check in self.limits if not check.holds]
         if not self.jacobian > 0:
             faults.append(f"folded, J = {self.jacobian:.2g}")
         elif not self.unfolded:
@@ -170,7 +169,7 @@ def verify(result):
         multipliers found from ψ, and of no negative curvature. In a symmetric scene, a minimum
         among symmetric patches. The domain is taken to be simply connected.
     """
-    limits, jacobian = _limits(result)
+    limits, jacobian = check_limits(result)
     fine = _unfolded(result) if jacobian > 0 else False
     tests = {"stationarity": np.inf, "stationarity_richer": np.inf, "curvature": np.nan}
     tests |= {"asymmetric_curvature": np.nan if result.scene.symmetric else None}
@@ -197,7 +196,7 @@ def _on_lattice(result, points):
     return result.state.space.mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)
 
 
-def _limits(result):
+def check_limits(result):
     """A `LimitCheck` for every slack, and the least J."""
     points = _on_lattice(result, _lattice(2 * result.settings["quadrature"]))
     cloth, theta = _cloth(result), ngs.CF((ngs.x, ngs.y))(points)

@@ -70,7 +70,7 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
             value = iterate.lagrangian()
             recorder.record(problem, phase, 1 / rate, value, error, **told, **iterate.memory())
         elif iterate.refusals > PATIENCE:
-            return Reason.BLOCKED
+            return Reason.BLOCKED if iterate.c.min(initial=1) > 0 else Reason.INFEASIBLE
     return recorder.why
 
 

@@ -224,7 +224,7 @@ def solve(
     if result.converged:
         recorder.forget()
     if log:
-        log(str(result.reason))
+        log(result.why)
     if throw and not result.converged:
         raise SolveError(result)
     return result

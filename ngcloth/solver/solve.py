@@ -10,6 +10,7 @@ from ..energy.automatic import AutomaticLagrangian
 from ..energy.closed_form import ClosedFormLagrangian
 from ..energy.lagrangian import Lagrangian
 from ..errors import InputError, SolveError, check_integer, check_number
+from ..problem.cost_size import normalised
 from ..problem.scene import Scene
 from ..result.alone import alone
 from ..result.history import Reason
@@ -78,6 +79,8 @@ def solve(
         The solve ends where the decrease of the Lagrangian still in sight is below this fraction
         of it; with the "paper" schedule where |∂t L|/(2π kc) is below it; for a cost without
         constraints where forces per area over kc are below it. Default 1e-6.
+        `barrier_end` and this are relative to the size of a cost of the scene's own: kc is then
+        what it gains where the energy of threads would gain kc.
     max_steps : int, optional
         Budget of Newton steps. Default 500.
     max_seconds : float, optional
@@ -177,6 +180,7 @@ def solve(
         settings["barrier_end"] = barrier_end
     if not scene.constraints or schedule == "paper":
         settings["tolerance"] = tolerance
+    solved, size = normalised(scene)
     check_memory(scene, settings)
     coarsest = settings["maxh"] * COARSER ** _coarser_levels(scene, settings["maxh"])
     check_seconds(scene, coarsest, max_seconds)
@@ -191,7 +195,7 @@ def solve(
             scene=scene,
             state=problem.state,
             reason=reason,
-            cost=problem.cost(),
+            cost=size * problem.cost(),
             newton_iterations=recorder.newton,
             seconds=recorder.seconds,
             history=list(recorder.rows),
@@ -203,14 +207,14 @@ def solve(
         return isinstance(said, bool | np.bool_) and bool(said)
 
     recorder = Recorder(
-        scene.copies / scene.normalisation * scene.fabric.stiffness,
+        size * scene.copies / scene.normalisation * scene.fabric.stiffness,
         max_steps,
         log,
         max_seconds,
         callback and asks_to_stop,
         checkpoint,
     )
-    whole = _discretised(scene, settings)
+    whole = _discretised(solved, settings)
     try:
         recorder.resume(whole)
         reason = _run(whole, recorder, settings)

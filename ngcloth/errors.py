@@ -30,7 +30,7 @@ class SolveError(RuntimeError):
     """A solve that did not converge, under ``throw=True``; ``result`` is its last good iterate."""
 
     def __init__(self, result):
-        super().__init__(str(result.reason))
+        super().__init__(result.why)
         self.result = result
 
     def __reduce__(self):

@@ -41,8 +41,9 @@ class Scene:
         First guess of ψ: a pair (s1, s2) means ψ = (s1 θ1, s2 θ2); a callable of (θ1, θ2) returns
         the two components as NGSolve expressions. Only its gradient matters, ψ being free up to a
         translation. By default the pair that makes both stretches 1 in the mean; for surfaces from
-        files θ is a flattening as rigid as possible, and the pair is (1, 1). With limits, a
-        guess far from isometric is flattened first, and one outside them scaled.
+        files θ is a flattening as rigid as possible, and the pair is (1, 1). With limits, which it
+        need not respect, a guess far from isometric is flattened first, and one outside them
+        scaled.
     cost : callable, optional
         A cost density χ per flat area to minimise in place of the strain energy: a function of a
         `Kinematics` that returns an expression, in the unit of a stiffness. With it the patch is

@@ -12,12 +12,12 @@ import ngsolve as ngs
 import numpy as np
 
 from ..output.planar import crossing
-from ..problem.constraints import Obstacle, ShearLimit
+from ..problem.constraints import Elongation, Obstacle, ShearLimit
 from .stationarity import _cloth, _StationaryPoint
 from .stationarity import least_eigenvalue as least_eigenvalue
 
-LIMIT = 2e-3  # by which λ, |γ| and, over its largest value, τ may miss their limits
-RESOLVED = 0.1  # of the stress, or of kc: what a richer space may find unbalanced
+LIMIT = 2e-3  # by which λ, |γ| and, over its largest value, τ may miss their limits; or by a strain
+SETTLED = 1e-2  # of a cost: how far it may still fall
 EQUILIBRIUM = 0.1  # `Result.equilibrium_residual`
 BARRIER = 1e-2  # of the stress: weight of a barrier that does not spoil the optimum
 FLAT = 1e-2  # of the stress: curvature that counts as zero
@@ -50,6 +50,9 @@ class LimitCheck:
         """Whether the slack is within its tolerance."""
         return self.slack >= -self.tolerance
 
+    def __str__(self):
+        return f"{self.name} missed by {-self.slack:.2g} at θ = {_point(self.theta)}"
+
 
 @dataclass(frozen=True)
 class Certificate:
@@ -69,7 +72,8 @@ class Certificate:
     overlap : (float, float) or None
         A point X of the patch where its rim meets itself. With J > 0 and none, ψ is injective.
     equilibrium : float or None
-        `Result.equilibrium_residual`; None without limits, where stationarity implies it.
+        `Result.equilibrium_residual`; None without limits or a cost of the scene's own, where
+        stationarity implies it.
     stress : float
         The scale of `stationarity`, and of `curvature`.
     stationarity : float
@@ -80,6 +84,9 @@ class Certificate:
     stationarity_richer : float
         Likewise over all ψ one order richer: the error of the discretisation. It may be a tenth of
         the stress, or of kc where that is more: a Chebyshev net has no stress but this error.
+    richer_tolerance : float
+        What of it is accepted; for a cost of the scene's own, kc is what it gains where the energy
+        of threads would gain kc.
     barrier : float
         The weight μ for which stationarity was tested, 0 without limits: at most 1 % of the stress.
     curvature : float
@@ -91,6 +98,9 @@ class Certificate:
         In a symmetric scene, likewise for the changes that break the symmetry, for information. On
         a surface of revolution one of them turns the cloth and costs nothing: expect 0 up to the
         error of the mesh, of either sign.
+    in_sight : float or None
+        With a cost of the scene's own and no limits, how far a Newton step promises to lower it,
+        over itself. One that falls for ever, as the patch shrinks, leaves no force.
     """
 
     limits: tuple
@@ -102,10 +112,12 @@ class Certificate:
     stationarity: float
     stationarity_tolerance: float
     stationarity_richer: float
+    richer_tolerance: float
     barrier: float
     curvature: float
     curvature_tolerance: float
     asymmetric_curvature: float | None
+    in_sight: float | None
 
     @property
     def certified(self):
@@ -115,11 +127,7 @@ class Certificate:
     @property
     def faults(self):
         """What does not hold, a list of phrases."""
-        faults = [
-            f"{check.name} missed by {-check.slack:.2g} at θ = {_point(check.theta)}"
-            for check in self.limits
-            if not check.holds
-        ]
+        faults = [str(check) for check in self.limits if not check.holds]
         if not self.jacobian > 0:
             faults.append(f"folded, J = {self.jacobian:.2g}")
         elif not self.unfolded:
@@ -132,7 +140,9 @@ class Certificate:
             faults.append(f"the barrier's weight is {self.barrier / self.stress:.2g} of the stress")
         if not self.stationarity <= self.stationarity_tolerance:
             faults.append(f"not stationary, {self.stationarity:.2g} of the stress")
-        elif not self.stationarity_richer <= RESOLVED * max(1.0, 1 / self.stress):
+        elif self.in_sight is not None and not self.in_sight <= SETTLED:
+            faults.append(f"the cost may still fall by {self.in_sight:.2g} of itself")
+        elif not self.stationarity_richer <= self.richer_tolerance:
             faults.append(
                 f"the mesh leaves {self.stationarity_richer:.2g} of the stress unbalanced"
             )
@@ -147,6 +157,7 @@ class Certificate:
         if self.limits:
             worst = min(self.limits, key=lambda check: check.slack / check.tolerance)
             parts = [f"limits within {max(-worst.slack, 0):.1g}", *parts]
+        if self.equilibrium is not None:
             parts.append(f"equilibrium to {self.equilibrium:.1g}")
         parts.append(f"stationary to {self.stationarity:.1g} of the stress")
         minimum = f"a minimum, curvature {self.curvature:.2g}"
@@ -171,10 +182,10 @@ def verify(result):
         multipliers found from ψ, and of no negative curvature. In a symmetric scene, a minimum
         among symmetric patches.
     """
-    limits, jacobian = _limits(result)
+    limits, jacobian = check_limits(result)
     fine = _unfolded(result) if jacobian > 0 else False
     tests = {"stationarity": np.inf, "stationarity_richer": np.inf, "curvature": np.nan}
-    tests |= {"asymmetric_curvature": np.nan if result.scene.symmetric else None}
+    tests |= {"asymmetric_curvature": np.nan if result.scene.symmetric else None, "in_sight": None}
     point = _StationaryPoint(result)
     if jacobian > 0 and point.interior:
         tests = point.tests()
@@ -183,9 +194,10 @@ def verify(result):
         jacobian=jacobian,
         unfolded=fine,
         overlap=crossing(*_outlines(result)),
-        equilibrium=result.equilibrium_residual if limits else None,
+        equilibrium=result.equilibrium_residual if result.scene.in_equilibrium else None,
         stress=point.stress,
         stationarity_tolerance=point.tolerance,
+        richer_tolerance=point.richer_tolerance,
         barrier=point.mu,
         curvature_tolerance=FLAT * point.stress,
         **tests,
@@ -198,7 +210,7 @@ def _on_lattice(result, points):
     return result.state.space.mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)
 
 
-def _limits(result):
+def check_limits(result):
     """A `LimitCheck` for every slack, and the least J."""
     points = _on_lattice(result, _lattice(2 * result.settings["quadrature"]))
     cloth, theta = _cloth(result), ngs.CF((ngs.x, ngs.y))(points)
@@ -208,6 +220,10 @@ def _limits(result):
             values = slack.Compile()(points).ravel()
             worst = int(np.argmin(values))  # a NaN, if there is one
             tolerance = LIMIT
+            if not isinstance(limit, Elongation | ShearLimit | Obstacle):
+                # The strain that makes up for it, whatever the unit of the slack.
+                strain = (slack.Diff(cloth.gradient) * cloth.gradient.trans).Compile()(points)
+                tolerance *= float(np.linalg.norm(strain.reshape(-1, 4)[worst]))
             if isinstance(limit, ShearLimit):
                 tolerance *= 2 * limit.maximum  # its slack is γmax² − γ²
             elif isinstance(limit, Obstacle):

@@ -23,6 +23,7 @@ class Reason(enum.Enum):
         "stopped: no step, however small, is acceptable; the limits may contradict each other "
         "or equilibrium, or the mesh be too coarse for them"
     )
+    INFEASIBLE = "stopped: no patch found that respects all limits and equilibrium"
     STALLED = "stopped: no step, however small, lowers the Lagrangian any more"
 
     def __str__(self):

@@ -268,12 +268,20 @@ class Result:
 
         return fibres(self, path)
 
+    @property
+    def why(self):
+        """`reason` in words; if not converged, with what limits are missed by, and where."""
+        from .certificate import check_limits
+
+        checks = () if self.converged else check_limits(self)[0]
+        return "; ".join([str(self.reason), *(str(check) for check in checks if not check.holds)])
+
     def __str__(self):
         low, high = self.extrema["stretch1"]
         shear = max(map(abs, self.extrema["shear"]))
         angle = np.degrees(np.arccos(min(shear, 1)))
         return (
-            f"{self.scene.name}: {self.reason}\n"
+            f"{self.scene.name}: {self.why}\n"
             f"  E/(2π kc) = {self.normalized_energy:.6e}, patch area {self.area:.6f}\n"
             f"  λ1 in [{low:.6f}, {high:.6f}], "
             f"|γ| up to {shear:.6f}, threads at {angle:.1f}° or more\n"
@@ -285,7 +293,8 @@ class Result:
         """How far the pinned cloth is from in-plane equilibrium, between 0 and 1.
 
         The force with which the cloth slides, dE(ψ)[v] for all v one order richer than ψ that
-        vanish on the rim (eq. 16), over the same for all v, the rim included. Forces of strains below 1e-9 count as none. Where the rim carries no force either,
+        vanish on the rim (eq. 16), over the same for all v, the rim included. Forces of strains
+        below 1e-9 count as none. Where the rim carries no force either,
         as without active limits, the ratio says little.
         """
         return equilibrium_residual(self)

@@ -7,10 +7,12 @@ import ngsolve as ngs
 import numpy as np
 
 from ..problem.constraints import RIM_SHARE
+from ..problem.cost_size import cost_size
 from ..problem.kinematics import Kinematics, gradient
 
 AT_REST = 1e-2  # of the stress: what may be unbalanced in a scene without limits
 ROUND_OFF = 1e-9  # stress over kc that counts as none
+RESOLVED = 0.1  # of the stress, or of kc: what a richer space may find unbalanced
 KRYLOV = 30
 
 
@@ -32,7 +34,6 @@ class _StationaryPoint:
         self.psi, self.mesh = result.state.components[:2], result.state.space.mesh
         self.order = self.settings["order"]
         self.inverse = "umfpack" if self.scene.in_equilibrium else "sparsecholesky"
-        self.mu = self.settings.get("barrier_end", 0.0)
         degree = 2 * ((self.settings["quadrature"] + 1) // 2)
         self.rules = {shape: ngs.IntegrationRule(shape, degree) for shape in (ngs.TRIG, ngs.SEGM)}
         self.dx = ngs.dx(intrules=self.rules)
@@ -43,6 +44,8 @@ class _StationaryPoint:
         cloth, cost = self.cloth, self.scene.cost
         self.energy = cloth.jacobian * self.scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
         self.energy /= self.kc
+        self.size = cost_size(self.scene)
+        self.mu = self.size * self.settings.get("barrier_end", 0.0)
         self.cost = cloth.jacobian * cost(cloth) / self.kc if cost else self.energy
 
     @cached_property
@@ -76,7 +79,7 @@ class _StationaryPoint:
         flux = self.cost.Diff(self.slope)
         square = ngs.InnerProduct(flux * self.metric, flux) / self.root
         mean = ngs.Integrate(square.Compile() * self.dx, self.mesh) / self.area
-        return max(float(np.sqrt(mean)), ROUND_OFF)
+        return max(float(np.sqrt(mean)), ROUND_OFF * self.size)
 
     @property
     def tolerance(self):
@@ -85,11 +88,17 @@ class _StationaryPoint:
             return AT_REST
         return float(np.sqrt(1 + (1 + RIM_SHARE) * len(self.slacks)) * self.mu / self.stress)
 
+    @property
+    def richer_tolerance(self):
+        """A Chebyshev net has no stress but the error of the mesh."""
+        return RESOLVED * max(1.0, self.size / self.stress)
+
     def tests(self):
         """The fields of the `Certificate` that are found here."""
         residual, v = self.remainder(self.order)
         richer, _ = self.remainder(self.order + 1)
         hessian, norm = self.pencil(v)
+        in_sight = self.in_sight(hessian) if self.scene.cost and not self.slacks else None
         flips = [(0, 0), (1, 0), (0, 1), (1, 1)] if self.scene.symmetric else [(0, 0)]
         own, *others = (
             least_eigenvalue(hessian, norm, self.free(self.order, each), self.inverse)
@@ -100,6 +109,7 @@ class _StationaryPoint:
             "stationarity_richer": richer / self.stress,
             "curvature": own,
             "asymmetric_curvature": min(others, default=None),
+            "in_sight": in_sight,
         }
 
     def space(self, order, flips=(0, 0)):
@@ -173,6 +183,20 @@ class _StationaryPoint:
         for u, v in zip(trial[:2], test[:2], strict=True):
             norm += self.seminorm(u, v)
         return hessian.Assemble().mat, norm.Assemble().mat
+
+    def in_sight(self, hessian):
+        """What the cost may still fall by, over itself: dᵀHd/2 of the Newton step d in equilibrium.
+
+        A cost that falls for ever, as the patch shrinks, has forces that vanish with it.
+        """
+        space = self.space(self.order)
+        force, step = ngs.LinearForm(space), ngs.GridFunction(space)
+        force += self.cost.Diff(self.slope, gradient(*space.TestFunction()[:2])).Compile() * self.dx
+        force.Assemble()
+        step.vec.data = hessian.Inverse(self.free(self.order), inverse=self.inverse) * force.vec
+        falls = abs(ngs.InnerProduct(force.vec, step.vec)) / 2
+        cost = ngs.Integrate(self.cost.Compile() * self.dx, self.mesh)
+        return float(falls / (abs(cost) + ROUND_OFF**2 * self.size * self.area))
 
     def seminorm(self, u, v):
         """The H¹ seminorm on the surface, ∫ √det a a^{αβ} ∂αu ∂βv."""

@@ -25,6 +25,7 @@ NEARLY = 30.0
 # Correctors of products s z: the first for their second order, if it leaves this fraction of the
 # length; then at most so many for a step longer by `LONGER`, to within this factor of μ.
 SHORTENED, CORRECTORS, LONGER, CENTRED = 0.5, 5, 0.4, 10.0
+SETTLED, ROUND_OFF = 1e-2, 1e-18  # of a cost: how far it may still fall; and per area
 LEAST_SLACK = 1e-2  # of slack variables at the start, times √μ below 1
 PATIENCE = 8  # steps in a row above `LASTING_RATE`, then s and z begin anew; refused ones, the end
 
@@ -62,7 +63,7 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
         if iterate.mu > last_mu and near:
             iterate.lower_mu(last_mu)
             continue
-        if iterate.mu <= last_mu and error <= iterate.mu and iterate.c.min(initial=1) > 0:
+        if iterate.mu <= last_mu and error <= iterate.mu and iterate.at_rest:
             return Reason.CONVERGED
         rate, length = iterate.step(recorder)
         if length > 0:
@@ -70,7 +71,7 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
             value = iterate.lagrangian()
             recorder.record(problem, phase, 1 / rate, value, error, **told, **iterate.memory())
         elif iterate.refusals > PATIENCE:
-            return Reason.BLOCKED
+            return Reason.BLOCKED if iterate.c.min(initial=1) > 0 else Reason.INFEASIBLE
     return recorder.why
 
 
@@ -94,6 +95,7 @@ class Iterate:
         self.problem = problem
         self.system = SaddleSystem(problem)
         self.mu_before, self.rate, self.refusals, self.slow_steps = mu, 1.0, 0, 0
+        self._curvature, self._in_sight = np.nan, np.inf  # along the last step; see `at_rest`
         self._begin(mu)
         vectors = (problem.state.vec.CreateVector() for _ in range(4))
         self._before, self._load, self._cost_gradient, self._psi_step = vectors
@@ -140,6 +142,17 @@ class Iterate:
             np.abs(self.s * self.z - self.mu).max(initial=0),
         )
 
+    @property
+    def at_rest(self):
+        """Whether limits hold; without any, whether a cost that falls has come to an end.
+
+        Forces alone would not tell: they vanish where a patch shrinks for ever.
+        """
+        if self.c.size:
+            return self.c.min() > 0
+        left = SETTLED * abs(self.problem.cost()) + ROUND_OFF * self.problem.area
+        return self._in_sight <= left
+
     def step(self, recorder):
         """Try one step. Returns its 1/Δt and its accepted length, 0 if it was refused."""
         ds, dz = self._direction(recorder)
@@ -177,6 +190,9 @@ class Iterate:
         if ds.size and np.isfinite(ds).all():
             ds, dz = self._corrected(solve, ds, dz)
         self._project(self.problem.direction.vec)
+        slope = self._cost_gradient.InnerProduct(self._psi_step)
+        # To the lowest point along the step, were it not shortened by 1/Δt.
+        self._in_sight = slope**2 / self._curvature if self._curvature > 0 else np.inf
         return ds, dz
 
     def _linearised(self):
@@ -225,6 +241,7 @@ class Iterate:
         self._project(problem.direction.vec)
         curvature = psi_step.InnerProduct((matrix * psi_step).Evaluate())
         size = psi_step.InnerProduct((problem.flow * psi_step).Evaluate())
+        self._curvature = curvature - self.rate * size
         return curvature > 1e-8 * size and self.system.is_minimum()
 
     def _corrected(self, solve, ds, dz):

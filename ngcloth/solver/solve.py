@@ -11,6 +11,7 @@ from ..energy.closed_form import ClosedFormLagrangian
 from ..energy.lagrangian import Lagrangian
 from ..errors import InputError, SolveError, check_integer, check_number
 from ..geometry.file_surface import FileSurface
+from ..problem.cost_size import normalised
 from ..problem.scene import Scene
 from ..result.alone import alone
 from ..result.history import Reason
@@ -79,6 +80,8 @@ def solve(
         The solve ends where the decrease of the Lagrangian still in sight is below this fraction
         of it; with the "paper" schedule where |∂t L|/(2π kc) is below it; for a cost without
         constraints where forces per area over kc are below it. Default 1e-6.
+        `barrier_end` and this are relative to the size of a cost of the scene's own: kc is then
+        what it gains where the energy of threads would gain kc.
     max_steps : int, optional
         Budget of Newton steps. Default 500.
     max_seconds : float, optional
@@ -178,6 +181,7 @@ def solve(
         settings["barrier_end"] = barrier_end
     if not scene.constraints or schedule == "paper":
         settings["tolerance"] = tolerance
+    solved, size = normalised(scene)
     check_memory(scene, settings)
     coarsest = settings["maxh"] * COARSER ** _coarser_levels(scene, settings["maxh"])
     check_seconds(scene, coarsest, max_seconds)
@@ -192,7 +196,7 @@ def solve(
             scene=scene,
             state=problem.state,
             reason=reason,
-            cost=problem.cost(),
+            cost=size * problem.cost(),
             newton_iterations=recorder.newton,
             seconds=recorder.seconds,
             history=list(recorder.rows),
@@ -205,7 +209,7 @@ def solve(
         return isinstance(said, bool | np.bool_) and bool(said)
 
     recorder = Recorder(
-        scene.copies / scene.normalisation * scene.fabric.stiffness,
+        size * scene.copies / scene.normalisation * scene.fabric.stiffness,
         max_steps,
         log,
         max_seconds,
@@ -213,7 +217,7 @@ def solve(
         checkpoint,
     )
     *coarser, sheet = make_sheets(scene, settings["maxh"], settings["order"])
-    whole = _discretised(scene, sheet, settings)
+    whole = _discretised(solved, sheet, settings)
     try:
         recorder.resume(whole)
         reason = _run(whole, recorder, settings, coarser)
@@ -227,7 +231,7 @@ def solve(
     if result.converged:
         recorder.forget()
     if log:
-        log(str(result.reason))
+        log(result.why)
     if throw and not result.converged:
         raise SolveError(result)
     return result

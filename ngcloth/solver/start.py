@@ -1,4 +1,4 @@
-"""The start of a solve: as rigid as it gets, feasible, and of a size from which steps are few."""
+"""The start of a solve: as rigid as it gets, feasible if it can be, of a size that saves steps."""
 
 from operator import itemgetter
 
@@ -12,9 +12,10 @@ WORTHWHILE, RIGID_STEPS = 0.99, 30
 
 
 def near_start(problem, recorder):
-    """Make the start feasible, or what comes of flattening it, whichever is nearer to the answer.
+    """Scale the start, or what comes of flattening it, whichever is then nearer to the answer.
 
-    Nearer is where cost per area and imbalance, both over kc, have the smaller sum.
+    Nearer is what misses limits by less; of two that are feasible, the one where cost per area and
+    imbalance, both over kc, have the smaller sum. Slack variables lead on where neither is.
 
     Parameters
     ----------
@@ -26,16 +27,16 @@ def near_start(problem, recorder):
     Raises
     ------
     InputError
-        If no multiple of the start is feasible.
+        If no multiple of the start has finite energy and slacks.
     """
     psi = problem.state.vec
     given, flat = psi.CreateVector(), psi.CreateVector()
     given.data = psi
     flatten(problem)
     flat.data = psi
-    candidates = [_feasible_multiple(problem, start) for start in (given, flat)]
-    distance, nearest, factors = min(candidates, key=itemgetter(0))
-    if distance == np.inf:
+    candidates = [_best_multiple(problem, start) for start in (given, flat)]
+    (missed, _), nearest, factors = min(candidates, key=itemgetter(0))
+    if missed == np.inf:
         psi.data = given
         raise _infeasible(problem)
     psi.data = nearest
@@ -58,7 +59,7 @@ def feasible_start(problem):
     InputError
         If no multiple of the start is feasible.
     """
-    if not _make_feasible(problem):
+    if _scale(problem) > 0:
         raise _infeasible(problem)
 
 
@@ -109,40 +110,43 @@ def dilate(problem, allowed=lambda: True):
 
 
 def _scale(problem):
-    """Set the state to the nearest multiple that is feasible, if there is one; whether there is."""
+    """Scale the state to miss limits by as little as it can, and dilate it; by how much it does.
+
+    Of multiples that are feasible the nearest is taken. What is missed is infinite if there is none
+    with J > 0 and finite numbers; then the state is as it was.
+    """
     psi = problem.state.vec
-    given = psi.CreateVector()
-    given.data = psi
+    given, best, least = psi.CreateVector(), psi.CreateVector(), np.inf
+    given.data = best.data = psi
     for scale in sorted(1.25 ** np.arange(-30.0, 31.0), key=lambda s: abs(np.log(s))):
         psi.data = float(scale) * given
-        if _feasible(problem):
-            return True
-    psi.data = given
-    return False
+        missed = _missed(problem)
+        if missed < least:
+            best.data, least = psi, missed
+        if least == 0:
+            break
+    psi.data = best
+    if least < np.inf:
+        slacks = _least_slacks(problem)
+        room = np.minimum(0.1, np.where(slacks > 0, slacks / 2, slacks))
+        dilate(problem, lambda: (_least_slacks(problem) >= room).all())
+    return least
 
 
-def _make_feasible(problem):
-    """Scale and dilate the state; whether some multiple of it is feasible."""
-    if not _scale(problem):
-        return False
-    room = np.minimum(0.1, _least_slacks(problem) / 2)
-    dilate(problem, lambda: (_least_slacks(problem) >= room).all())
-    return True
+def _best_multiple(problem, start):
+    """How far from the answer the best multiple of a start is, what it is, and by which factors.
 
-
-def _feasible_multiple(problem, start):
-    """How far from the answer a start is once it is feasible, what it is then, by which factors.
-
-    The distance is infinite for one that cannot be made feasible.
+    The distance is a pair: by how much limits are missed, and cost and imbalance.
     """
     psi = problem.state.vec
     psi.data = start
     sizes, distance = _sizes(problem), np.inf
-    if _make_feasible(problem):
+    missed = _scale(problem)
+    if missed < np.inf:
         distance = problem.cost() / problem.area + problem.imbalance() / np.sqrt(problem.area)
     multiple = psi.CreateVector()
     multiple.data = psi
-    return distance, multiple, _sizes(problem) / sizes
+    return (missed, distance), multiple, _sizes(problem) / sizes
 
 
 def _infeasible(problem):
@@ -153,8 +157,13 @@ def _infeasible(problem):
     return InputError("start", problem.scene.start, allowed)
 
 
-def _feasible(problem):
-    return (_least_slacks(problem) > 0).all() and np.isfinite(problem.cost())
+def _missed(problem):
+    """By how much limits are missed: 0 if all slacks are positive, infinite for a folded cloth."""
+    least = _least_slacks(problem).min(initial=np.inf)
+    known = np.isfinite(problem.cost()) and np.isfinite(problem.slacks()).all()
+    if not (known and problem.least_jacobian() > 0):
+        return np.inf
+    return 0.0 if least > 0 else -least + np.finfo(float).tiny
 
 
 def _least_slacks(problem):

@@ -9,7 +9,7 @@ import pytest
 from netgen.occ import OCCGeometry
 
 import ngcloth
-from ngcloth import Net, Rectangle, Result, Scene, Surface, solve
+from ngcloth import Disk, Elongation, Net, Rectangle, Result, Scene, Surface, solve
 from ngcloth.output.planar import crossing
 from ngcloth.result.certificate import _StationaryPoint, _unfolded, least_eigenvalue
 from ngcloth.result.history import Reason
@@ -214,3 +214,60 @@ def test_saddle_across_the_symmetry():
     certificate = result.certificate()
     assert certificate.asymmetric_curvature == pytest.approx(-2, abs=1e-6)
     assert certificate.curvature > -1.9
+
+
+DOME = Surface(lambda x, y: (x, y, -0.5 * x**2 - 0.8 * y**2), Disk(1.0))
+
+
+@cache
+def cheapest(unit, shear=1.0, threads=1.0, **settings):
+    def cost(cloth):
+        stretched = (cloth.stretch1 - 1) ** 2 + (cloth.stretch2 - 1) ** 2
+        return unit * (threads * stretched + shear * cloth.shear**2)
+
+    return solve(Scene(DOME, Net(ks=1.0), cost=cost, symmetric=True), maxh=0.3, **settings)
+
+
+def test_equilibrium_counts_with_a_cost_and_no_limits():
+    """The cost's minimum is not the energy's: on this mesh a fifth of the force is unbalanced."""
+    result = cheapest(1.0)
+    assert result.converged
+    certificate = result.certificate()
+    assert certificate.equilibrium == result.equilibrium_residual and not certificate.certified
+    assert result.equilibrium_residual > 0.1
+    assert "equilibrium" in str(certificate)
+
+
+@pytest.mark.parametrize("unit", [1e-7, 1e5])
+def test_the_unit_of_a_cost_does_not_decide(unit):
+    one, other = cheapest(1.0), cheapest(unit)
+    assert other.newton_iterations == one.newton_iterations
+    assert other.area == pytest.approx(one.area, rel=1e-9)
+    assert other.cost == pytest.approx(unit * one.cost, rel=1e-6)
+    assert other.certificate().faults == one.certificate().faults
+
+
+def test_a_patch_that_shrinks_for_ever_is_no_minimum():
+    """Less cloth shears less: all forces vanish as the patch does, and the cost with them."""
+    result = cheapest(1.0, threads=0.0, max_steps=40, tolerance=1e-2)
+    assert not result.converged and result.area < 1
+    assert any("fall by" in fault for fault in result.certificate().faults)
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e3])
+def test_the_unit_of_a_slack_does_not_decide(unit):
+    class Taut:
+        name = "taut"
+
+        def slacks(self, cloth):
+            return tuple(unit * slack for slack in Elongation().slacks(cloth))
+
+    one, other = (
+        solve(Scene(hemisphere().surface, Net(ks=1.0), [limit], symmetric=True), maxh=0.4)
+        for limit in (Elongation(), Taut())
+    )
+    assert other.energy == pytest.approx(one.energy, rel=1e-4)
+    for mine, theirs in zip(other.certificate().limits, one.certificate().limits, strict=True):
+        assert mine.holds is theirs.holds is False
+        assert mine.slack == pytest.approx(unit * theirs.slack, rel=0.01)
+        assert mine.tolerance == pytest.approx(unit * theirs.tolerance, rel=0.2)

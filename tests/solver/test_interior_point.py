@@ -7,7 +7,18 @@ import pytest
 from discretising import assert_strictly_feasible, discretised, vector
 
 import ngcloth
-from ngcloth import Elongation, InputError, Net, Obstacle, Reason, Scene, ShearLimit, solve
+from ngcloth import (
+    Disk,
+    Elongation,
+    InputError,
+    Net,
+    Obstacle,
+    Reason,
+    Scene,
+    ShearLimit,
+    Surface,
+    solve,
+)
 from ngcloth.energy.closed_form import ClosedFormLagrangian
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
 from ngcloth.solver.interior_point import LASTING_RATE, PATIENCE, Iterate
@@ -76,17 +87,35 @@ def test_slack_start_is_pulled_taut():
     assert result.energy == pytest.approx(solved(10.0, 0.3).energy, rel=1e-4)
 
 
-def test_hopeless_start_is_refused():
+def test_start_that_no_multiple_makes_feasible():
     """Shear does not change with scale, and what is flattened has some: none respects the limit."""
-    scene = Scene(
-        hemisphere().surface,
-        Net(ks=10.0),
-        (Elongation(), ShearLimit(0.05)),
-        start=lambda x, y: (x + y, y),
+    surface, limits = hemisphere().surface, (Elongation(), ShearLimit(0.05))
+    scene = Scene(surface, Net(ks=10.0), limits, start=lambda x, y: (x + y, y))
+    result = solve(scene, maxh=0.4)
+    assert result.converged and result.extrema["shear"][1] < 0.06
+    usual = solve(Scene(surface, Net(ks=10.0), limits), maxh=0.4)
+    assert result.energy == pytest.approx(usual.energy, rel=0.02)
+
+
+def test_limit_from_above_that_the_answer_respects_changes_nothing():
+    """No multiple of the start keeps 1 ≤ λ ≤ 1.2, and the answer without that limit does."""
+    dome = Surface(lambda x, y: (x, y, -0.25 * x**2 - 0.6 * y**2), Disk(1.0))
+    limits = (Elongation(), Longest(1.2))
+    free, held = (
+        solve(Scene(dome, Net(ks=1.0), limits[:n], symmetric=True), maxh=0.3) for n in (1, 2)
     )
-    with pytest.raises(InputError, match="start.*shear limit") as caught:
-        solve(scene, maxh=0.4)
-    assert caught.value.argument == "start"
+    assert free.converged and held.converged
+    assert free.extrema["stretch2"][1] < 1.1
+    assert held.energy == pytest.approx(free.energy, rel=5e-3)  # the barrier's
+
+
+def test_limits_that_contradict_each_other_are_named():
+    scene = Scene(hemisphere().surface, Net(), (Elongation(), Longest(0.95)), symmetric=True)
+    result = solve(scene, maxh=0.5, max_steps=200)
+    assert result.reason is Reason.INFEASIBLE
+    assert "elongation missed by" in str(result) or "longest thread missed by" in str(result)
+    with pytest.raises(ngcloth.SolveError, match="missed by .* at θ"):
+        solve(scene, maxh=0.5, max_steps=5, throw=True)
 
 
 @pytest.mark.parametrize(

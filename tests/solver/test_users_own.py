@@ -84,7 +84,8 @@ def test_limits_that_leave_no_equilibrium_are_not_called_solved():
         symmetric=True,
     )
     result = solve(scene, maxh=0.3, max_steps=200)
-    assert result.reason is Reason.BLOCKED
+    assert result.reason is Reason.INFEASIBLE
+    assert "missed by" in str(result) and "at θ = (" in str(result)
     assert result.extrema["jacobian"][0] > 0
 
 

@@ -1,7 +1,8 @@
 """From the shell: ``ngcloth hemisphere --ks 100 --maxh 0.1 --out out/``, or ``python -m ngcloth``.
 
-Solves a scene of `ngcloth.scenes` and writes all there is to take away into one folder. Options
-are the parameters of the scene and of `ngcloth.solve`, with the help that their docstrings give.
+Solves a scene of `ngcloth.scenes`, or covers a surface from a file: ``ngcloth part.step --ks 10``;
+and writes all there is to take away into one folder. Options are the parameters of the scene and of
+`ngcloth.solve`, with the help that their docstrings give.
 """
 
 import argparse
@@ -15,10 +16,13 @@ from functools import partial
 from pathlib import Path
 
 from .errors import InputError
+from .geometry import cad
+from .geometry.file_surface import MESHES, UNITS, FileSurface
 from .output.progress import ProgressBar
+from .problem.surface import Surface
 from .result.history import Reason
 from .result.result import Result
-from .scenes import NAMED
+from .scenes import NAMED, part
 from .solver.solve import solve
 from .version import __version__
 
@@ -39,12 +43,17 @@ def _report(result, path):
     report(result, path, there)
 
 
+def _threads(result, path):
+    file = isinstance(result.scene.surface, FileSurface)
+    result.export_threads(path, None if file else PITCH)
+
+
 FILES = {
     "result": Result.save,
     "pattern.svg": Result.export_svg,
     "pattern.dxf": Result.export_dxf,
     "cloth.vtu": Result.export_vtu,
-    "threads.vtp": partial(Result.export_threads, pitch=PITCH),
+    "threads.vtp": _threads,
     "surface.obj": Result.export_surface,
     "fibres.csv": Result.export_fibres,
     "report.html": _report,
@@ -72,6 +81,9 @@ def main(argv=None):
         After ``--help`` and ``--version``, with status 0, and for arguments that cannot be parsed,
         with status 2.
     """
+    argv = list(sys.argv[1:] if argv is None else argv)
+    if argv and Path(argv[0]).suffix.lower() in (*cad.ENDINGS, *MESHES):
+        argv.insert(0, "part")
     arguments = _parser().parse_args(argv)
     try:
         return _solve_and_write(arguments)
@@ -100,10 +112,14 @@ def _parser():
     texts = {}
     for make in NAMED.values():
         texts |= _documented(make)
-    for name, make in NAMED.items():
+    for name, make in (NAMED | {"part": part}).items():
         summary = _plain(inspect.getdoc(make).partition("\n")[0])
         one = scenes.add_parser(name, help=summary, description=summary, epilog=STATUS)
-        _add_options(one.add_argument_group("the scene"), make, texts | _documented(make))
+        if make is part:
+            _add_file(one)
+        names = [each for each in inspect.signature(make).parameters if each != "surface"]
+        group = one.add_argument_group("the scene")
+        _add_options(group, make, texts | _documented(make), names)
         group = one.add_argument_group("the solve")
         _add_options(group, solve, _documented(solve), SETTINGS)
         group.add_argument("--quiet", action="store_true", help="No line for each step, no bar.")
@@ -111,6 +127,32 @@ def _parser():
         text = f"Folder for {', '.join(FILES)}. Default %(default)s."
         group.add_argument("--out", default="out", metavar="folder", help=text)
     return parser
+
+
+def _add_file(parser):
+    """The arguments that choose a surface from a file."""
+    group = parser.add_argument_group("the surface")
+    endings = ", ".join([*cad.ENDINGS, *MESHES])
+    group.add_argument(
+        "file", help=f"A file of these: {endings}. 'part' may be left out before it."
+    )
+    text = "Numbers, from 0, or names of the faces of a CAD file to be covered. Default all."
+    group.add_argument("--faces", nargs="+", metavar="face", help=text)
+    text = "The unit of length of facets, and of all that is written. Default %(default)s."
+    group.add_argument("--unit", choices=list(UNITS), default="mm", help=text)
+    text = "On which side of the faces the cloth lies. Default %(default)s, to which most look."
+    group.add_argument("--side", type=int, choices=[1, -1], default=1, help=text)
+
+
+def _surface(arguments):
+    """The surface that the arguments of `_add_file` choose."""
+    path, options = arguments.file, {"unit": arguments.unit, "side": arguments.side}
+    if Path(path).suffix.lower() in MESHES:
+        if arguments.faces:
+            raise InputError("faces", arguments.faces, f"none for {path}, which is not of faces")
+        return Surface.from_mesh(path, **options)
+    faces = [int(face) if face.isdecimal() else face for face in arguments.faces or ()]
+    return Surface.from_cad(path, faces or None, **options)
 
 
 def _documented(function):
@@ -146,7 +188,9 @@ def _solve_and_write(arguments):
     def chosen(names):
         return {name: getattr(arguments, name) for name in names}
 
-    make = NAMED[arguments.scene]
+    make = (NAMED | {"part": part})[arguments.scene]
+    if make is part:
+        arguments.surface = _surface(arguments)
     scene = make(**chosen(inspect.signature(make).parameters))
     folder = _checked_folder(arguments.out)
     bar = None if arguments.quiet else _progress_bar()

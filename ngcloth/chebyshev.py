@@ -10,6 +10,7 @@ import numpy as np
 from numpy.polynomial import chebyshev, legendre, polynomial
 
 from .errors import InputError, check_integer
+from .geometry.file_surface import FileSurface
 
 
 class ChebyshevNet:
@@ -232,6 +233,9 @@ class _Geometry:
     """Metric and Christoffel symbols of a surface, at arrays of points that may be nan."""
 
     def __init__(self, surface):
+        if isinstance(surface, FileSurface):
+            allowed = "a surface with a chart; for one from a file, solve a Scene with Net()"
+            raise InputError("surface", surface, allowed)
         low, high = np.array(surface.domain.box, dtype=float).T
         self.middle, self.size = (low + high) / 2, high - low
         self._surface = surface

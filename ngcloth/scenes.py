@@ -172,7 +172,7 @@ def hemicatenoid(ks=0.0, obstacle=False, *, symmetric=None):
 
 
 def part(surface, ks=0.0, shear_limit=None, obstacle=False):
-    """A surface from a file.
+    """A surface from a CAD file or from facets.
 
     Parameters
     ----------

@@ -23,6 +23,10 @@ from ngcloth import (
     scenes,
     solve,
 )
+from ngcloth import __main__ as cli
+from ngcloth.chebyshev import ChebyshevNet
+from ngcloth.result.reading import plain_arrays
+from ngcloth.result.save import CHECKSUMS, _packed, checksum
 
 HEMISPHERE = 0.1842  # E/(2π kc) of taut cloth, ks = kc, by charts
 TAUT = Net(ks=1.0), [Elongation()]
@@ -283,10 +287,30 @@ def test_goes_on_from_a_checkpoint(tmp_path, part):
     assert resumed.history[0].newton == begun.history[0].newton
 
 
-def test_a_damaged_surface_in_a_folder(tmp_path, holed):
-    from ngcloth.result.reading import plain_arrays
-    from ngcloth.result.save import CHECKSUMS, _packed, checksum
+def test_command_line(tmp_path, capsys):
+    shapes.hemisphere().WriteStep(str(tmp_path / "dome.STEP"))
+    file, out = str(tmp_path / "dome.STEP"), tmp_path / "out"
+    options = ["--ks", "1", "--maxh", "0.06", "--quiet", "--out", str(out)]
+    assert cli.main([file, "--faces", "dome", "--unit", "cm", *options]) == 0
+    assert {path.name for path in out.iterdir()} >= set(cli.FILES)
+    loaded = ngcloth.load(out / "result")
+    assert loaded.scene.surface.unit == "cm" and loaded.scene.fabric.ks == 1
+    assert loaded.normalized_energy == pytest.approx(HEMISPHERE / 100, rel=0.05)
+    assert cli.main([file, "--faces", "9", *options]) == cli.BAD_INPUT
+    points, triangles = shapes.facets(8)
+    faces = np.column_stack([np.full(len(triangles), 3), triangles])
+    pv.PolyData(points, faces).save(tmp_path / "scan.ply")
+    assert cli.main([str(tmp_path / "scan.ply"), "--faces", "0", *options]) == cli.BAD_INPUT
+    told = capsys.readouterr().err
+    assert "numbers from 0 to 1, or names of faces: ['dome']" in told and "which is not of" in told
 
+
+def test_the_exact_net_wants_a_chart(part):
+    with pytest.raises(InputError, match="chart"):
+        ChebyshevNet.symmetric(part)
+
+
+def test_a_damaged_surface_in_a_folder(tmp_path, holed):
     holed.save(tmp_path / "holed")
     place = tmp_path / "holed" / "scene.npz"
     arrays = plain_arrays(place.read_bytes(), 2**26)

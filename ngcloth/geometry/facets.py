@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import InputError, check_number
 from .cad import patience, read_bytes
-from .file_surface import FileSurface, check_size
+from .file_surface import MESHES, FileSurface, check_size
 from .flatten import FlatteningError, flatten
 from .jets import EXACT, Jets
 from .process import KernelError, run
@@ -15,7 +15,7 @@ from .remesh import Remesher
 from .rim_curves import RimCurves
 from .topology import clean, topology
 
-ENDINGS = {ending: ending for ending in (".stl", ".obj", ".ply", ".vtp", ".vtu")}
+ENDINGS = {ending: ending for ending in MESHES}
 ROUGH = 0.06  # noise over length of edges from which on curvature is not to be relied on
 
 

@@ -12,6 +12,7 @@ from ._kernel import lattice
 from .sheet import planar_mesh, sheet_through
 
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}  # in mm
+MESHES = (".stl", ".obj", ".ply", ".vtp", ".vtu")  # endings of files of facets
 SHARP = 5.0  # degrees
 SMALLEST = 1e-2  # mm; kernels take points within 1e-7 mm for one
 TUBE = 0.75 * np.pi  # least turning around a hole, of 2π in a plane; on a tube it is 0

@@ -102,10 +102,9 @@ def threads(result, path, pitch=None):
     Notes
     -----
     The points lie on the surface, and on their thread to rounding, its ends to about 1e-6
-    (1e-5 on surfaces from files). A
-    thread runs in the direction of growing X1 or X2, to within 1e-4 of the domain's size from the
-    rim; the domain of a chart has to be star-shaped. Cell data: "weft", 0 or 1, and "level", the
-    constant X2 or X1. Point data: "psi" and "position".
+    (1e-5 on surfaces from files). A thread runs in the direction of growing X1 or X2, to within
+    1e-4 of the domain's size from the rim; the domain of a chart has to be star-shaped. Cell data:
+    "weft", 0 or 1, and "level", the constant X2 or X1. Point data: "psi" and "position".
     """
     import pyvista as pv
 

@@ -96,7 +96,7 @@ class Pattern:
         return low - GAP, high + GAP
 
 
-def cut_pattern(result, *, unit_mm=None, pitch=10.0, seam=0.0, marks=12, tolerance=None):
+def cut_pattern(result, *, unit_mm=None, pitch=None, seam=0.0, marks=12, tolerance=None):
     """The cut pattern of a result.
 
     Parameters
@@ -108,7 +108,8 @@ def cut_pattern(result, *, unit_mm=None, pitch=10.0, seam=0.0, marks=12, toleran
         from files what their unit is. The label of the pattern states it, and a square of 100 mm
         lets one check the print.
     pitch : float, optional
-        Distance in mm between the threads drawn, which lie at its multiples. Default 10.
+        Distance in mm between the threads drawn, which lie at its multiples. Default 10, or a
+        tenth of the patch's width where that is less.
     seam : float, optional
         Seam allowance in mm: the cut is the outline, offset by it with round corners, and the
         outline itself is in the layer "seam". Default 0: the cut is the outline.
@@ -140,7 +141,8 @@ def cut_pattern(result, *, unit_mm=None, pitch=10.0, seam=0.0, marks=12, toleran
         surface = result.scene.surface
         unit_mm = UNITS[surface.unit] if isinstance(surface, FileSurface) else 100.0
     check_number("unit_mm", unit_mm, 0, open_low=True)
-    check_number("pitch", pitch, 0, open_low=True)
+    if pitch is not None:
+        check_number("pitch", pitch, 0, open_low=True)
     check_number("seam", seam, 0)
     if check_integer("marks", marks, 0) > MOST_MARKS:
         raise InputError("marks", marks, f"an integer, 0 to {MOST_MARKS}")
@@ -148,6 +150,8 @@ def cut_pattern(result, *, unit_mm=None, pitch=10.0, seam=0.0, marks=12, toleran
         check_number("tolerance", tolerance, 0, open_low=True)
 
     coarse = unit_mm * result.outline(400)
+    if pitch is None:
+        pitch = min(10.0, float(f"{np.ptp(coarse, axis=0).min() / 10:.2g}"))
     if pitch < 1e-3 * np.ptp(coarse, axis=0).max():
         raise InputError("pitch", pitch, "mm, at least a thousandth of the patch")
     if tolerance is None:

@@ -294,8 +294,8 @@ class Result:
 
         The force with which the cloth slides, dE(ψ)[v] for all v one order richer than ψ that
         vanish on the rim (eq. 16), over the same for all v, the rim included. Forces of strains
-        below 1e-9 count as none. Where the rim carries no force either,
-        as without active limits, the ratio says little.
+        below 1e-9 count as none. Where the rim carries no force either, as without active limits,
+        the ratio says little.
         """
         return equilibrium_residual(self)
 

@@ -63,7 +63,8 @@ def solve(
     scene : Scene
         What to cover with what.
     maxh : float, optional
-        Largest element size in the parameter plane. By default 2 % of the domain's diameter.
+        Largest element size in the parameter plane, for surfaces from files in space. By default
+        2 % of the domain's diameter, or of that of a disk as large as the file's surface.
     order : int, optional
         Polynomial order of ψ, 1 to 14. Default 2.
     multiplier_order : int, optional

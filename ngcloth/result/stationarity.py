@@ -224,35 +224,49 @@ def least_eigenvalue(hessian, norm, free, inverse):
     while True:
         shifted = hessian.CreateMatrix()
         shifted.AsVector().data = hessian.AsVector() - shift * norm.AsVector()
-        ritz = _lanczos(shifted.Inverse(free, inverse=inverse), norm)
+        ritz, _ = lanczos(shifted.Inverse(free, inverse=inverse).Mult, norm)
         if not ritz[0] < -ROUND_OFF * np.abs(ritz).max():
             return float(shift + 1 / ritz[-1])
         shift = 4 * min(shift, shift + 1 / ritz[0])
 
 
-def _lanczos(inverse, norm):
-    """Eigenvalues, ascending, of inverse · norm on a Krylov space."""
+def lanczos(solve, norm):
+    """Eigenvalues, ascending, of inverse · norm on a Krylov space, and the vector of the last.
+
+    Parameters
+    ----------
+    solve : callable
+        Writes inverse · load to `out`: ``solve(load, out)``.
+    norm : BaseMatrix
+        Positive semidefinite.
+
+    Returns
+    -------
+    values, vector : ndarray
+    """
     given, image = norm.CreateRowVector(), norm.CreateRowVector()
 
-    def times(matrix, vector):
+    def times(multiply, vector):
         given.FV().NumPy()[:] = vector
-        image.data = matrix * given
+        multiply(given, image)
         return image.FV().NumPy().copy()
 
-    vector = times(inverse, times(norm, np.random.default_rng(0).standard_normal(len(given))))
+    start = np.random.default_rng(0).standard_normal(len(given))
+    vector = times(solve, times(norm.Mult, start))
     basis, duals, diagonal, beside = [], [], [], []
     for _ in range(KRYLOV):
-        dual = times(norm, vector)
+        dual = times(norm.Mult, vector)
         size = np.sqrt(max(vector @ dual, 0.0))
         if size <= 1e-13 * (beside[0] if beside else 0.0) or not np.isfinite(size):
             break
         beside.append(size)
         basis.append(vector / size), duals.append(dual / size)
-        vector = times(inverse, duals[-1])
+        vector = times(solve, duals[-1])
         diagonal.append(vector @ duals[-1])
         for _ in range(2):
             vector = vector - np.array(basis).T @ (np.array(duals) @ vector)
     matrix = np.diag(diagonal)
     for k, (_, size) in enumerate(pairwise(beside)):
         matrix[k, k + 1] = matrix[k + 1, k] = size
-    return np.linalg.eigvalsh(matrix)
+    values, vectors = np.linalg.eigh(matrix)
+    return values, np.array(basis).T @ vectors[:, -1]

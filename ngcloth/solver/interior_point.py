@@ -11,6 +11,7 @@ import numpy as np
 
 from ..result.history import Reason
 from .line_search import Filter, to_boundary
+from .saddle_exit import leave_saddle
 from .saddle_system import SaddleSystem
 from .start import near_start
 
@@ -26,6 +27,7 @@ NEARLY = 30.0
 # length; then at most so many for a step longer by `LONGER`, to within this factor of μ.
 SHORTENED, CORRECTORS, LONGER, CENTRED = 0.5, 5, 0.4, 10.0
 SETTLED, ROUND_OFF = 1e-2, 1e-18  # of a cost: how far it may still fall; and per area
+GAIN = 1e-3  # of the cost: saddles are left as long as that brings so much
 LEAST_SLACK = 1e-2  # of slack variables at the start, times √μ below 1
 PATIENCE = 8  # steps in a row above `LASTING_RATE`, then s and z begin anew; refused ones, the end
 
@@ -57,6 +59,7 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
     iterate = Iterate(problem, FIRST_MU if problem.slack_names else last_mu)
     if recorder.memory:
         iterate.recall(recorder.memory)
+    saddle = np.inf  # the cost of the one that was left last
     while not recorder.exhausted:
         error = iterate.error()
         near = error <= (NEARLY if iterate.rate < HIGHER else CENTRED) * iterate.mu
@@ -64,6 +67,12 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
             iterate.lower_mu(last_mu)
             continue
         if iterate.mu <= last_mu and error <= iterate.mu and iterate.at_rest:
+            cost = problem.cost()
+            if phase != "coarse" and saddle - cost > GAIN * abs(cost) and iterate.leave():
+                saddle = cost
+                if recorder.log:
+                    recorder.log("left a saddle")
+                continue
             return Reason.CONVERGED
         rate, length = iterate.step(recorder)
         if length > 0:
@@ -152,6 +161,15 @@ class Iterate:
             return self.c.min() > 0
         left = SETTLED * abs(self.problem.cost()) + ROUND_OFF * self.problem.area
         return self._in_sight <= left
+
+    def leave(self):
+        """Move off a saddle, to begin anew at the same barrier; whether it is one."""
+        matrix = self.problem.hessian(self.z, self.z / self.s)
+        left = leave_saddle(self.problem, self.system, matrix)
+        if left:
+            self._begin(self.mu)
+            self.rate, self.slow_steps = 1.0, 0
+        return left
 
     def step(self, recorder):
         """Try one step. Returns its 1/Δt and its accepted length, 0 if it was refused."""

@@ -14,6 +14,7 @@ from ngcloth import (
     Net,
     Obstacle,
     Reason,
+    Rectangle,
     Scene,
     ShearLimit,
     Surface,
@@ -198,6 +199,23 @@ def test_multipliers_begin_anew_after_steps_at_large_rates():
     assert iterate.s == pytest.approx(np.maximum(problem.slacks(), 0.01))
     assert iterate.s * iterate.z == pytest.approx(1.0)
     assert not problem.unknowns[problem.psi_dofs.stop :].any()
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.15])
+def test_a_saddle_is_left(bend):
+    """Warp along the axes of the cap is stationary at 0.016, the minimum is along a diagonal."""
+
+    def chart(x, y):
+        along = x * (1 + bend * (0.36 - x * x) * y)
+        return along, y, -0.4 * along**2 - 0.7 * y**2
+
+    cap = Surface(chart, Rectangle((-0.6, 0.6), (-0.6, 0.6)))
+    result = solve(Scene(cap, Net(ks=1.0), (Elongation(),)), maxh=0.3)
+    assert result.converged
+    assert result.energy == pytest.approx(0.00899, rel=0.005)
+    assert result.certificate().curvature > 0
+    (x, y), (x0, y0) = result.psi([1e-3, 0.0], [0.0, 0.0])
+    assert abs(np.degrees(np.arctan2(abs(y - y0), abs(x - x0))) - 45) < 2
 
 
 @pytest.mark.slow

@@ -80,6 +80,9 @@ CONSTANTS = {
         "CENTRED": 1.0,  # aims for μ
         "LEAST_SLACK": 1e-8,
         "PATIENCE": 10**9,
+        "GAIN": inf,  # no saddle is left
+        "SETTLED": inf,
+        "ROUND_OFF": 0.0,
     },
     line_search: {"TO_BOUNDARY": 1 - 1e-8},
     start: {

@@ -322,3 +322,33 @@ def test_a_damaged_surface_in_a_folder(tmp_path, holed):
     (tmp_path / "holed" / CHECKSUMS).write_text(sums)
     with pytest.raises(InputError, match="finite"):
         ngcloth.load(tmp_path / "holed")
+
+
+@pytest.mark.parametrize("name", ["part", "holed", "chart", "corners"])
+def test_from_the_patch_to_the_surface_and_back(name, result, holed):
+    cloth = {
+        "part": lambda: result,
+        "holed": lambda: holed,
+        "chart": lambda: solve(scenes.hemisphere(), maxh=0.4),
+        "corners": lambda: solve(scenes.hemicatenoid(1.0), maxh=0.5),
+    }[name]()
+    outline = cloth.outline(60)
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    flat = np.random.default_rng(0).uniform(low, high, (1500, 2))
+    there = cloth.lay(flat)
+    on = np.isfinite(there).all(axis=-1)
+    assert on.mean() * np.prod(high - low) == pytest.approx(cloth.area, rel=0.04)
+    size = np.ptp(outline)
+    assert cloth.flatten(there[on]) == pytest.approx(flat[on], abs=1e-8 * size)
+    assert cloth.flatten(cloth.lay(outline)) == pytest.approx(outline, abs=1e-8 * size)
+
+
+def test_points_beside_the_surface(result):
+    """They go where the nearest point of the sphere goes."""
+    points = np.array([[0.3, 0.2, 0.8], [-0.5, 0.5, 0.1], [0.1, -0.9, 0.6]])
+    nearest = points / np.linalg.norm(points, axis=1)[:, None]
+    assert result.flatten(points) == pytest.approx(result.flatten(nearest), abs=2e-3)
+    assert result.lay(result.flatten(nearest)) == pytest.approx(nearest, abs=1e-3)
+    assert np.isnan(result.lay([[9.0, 9.0]])).all()
+    with pytest.raises(InputError, match="points"):
+        result.flatten([[1.0, 2.0]])

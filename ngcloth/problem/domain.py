@@ -8,6 +8,7 @@ from ..errors import InputError, check_integer, check_number
 
 # OpenCascade merges points within 1e-7; Netgen leaves parts of far larger or thinner faces bare.
 SMALLEST, LARGEST, LONGEST = 1e-5, 1e6, 1e4
+BISECTIONS = 52  # down to rounding
 INWARDS = 1e-9  # of the way to the middle of a triangle
 
 
@@ -36,6 +37,19 @@ class Domain:
         grid = np.stack(np.meshgrid(*(np.linspace(*side, n) for side in self.box)), axis=-1)
         grid = grid.reshape(-1, 2)
         return np.concatenate([grid[self.contains(grid)], self.rim(4 * n)])
+
+    def brought_in(self, theta):
+        """Points `theta`, (n, 2), those outside moved to the rim, towards the centre."""
+        outside = ~self.contains(theta)
+        way = theta[outside] - self.centre
+        low, high = np.zeros(len(way)), np.ones(len(way))
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            within = self.contains(self.centre + middle[:, None] * way)
+            low, high = np.where(within, middle, low), np.where(within, high, middle)
+        theta = theta.copy()
+        theta[outside] = self.centre + low[:, None] * way
+        return theta
 
     def check_face(self):
         """Raise `InputError` unless the face to be meshed is one, and has no holes."""
@@ -275,6 +289,13 @@ class MeshDomain(Domain):
         grid = np.rint(points / (1e-7 * self.diameter)).astype(np.int64)
         _, once, where = np.unique(grid, axis=0, return_index=True, return_inverse=True)
         return points[once], where.ravel()[triangles]
+
+    def brought_in(self, theta):
+        """Points `theta`, (n, 2), those outside moved to the nearest point of a rim."""
+        outside = ~self.contains(theta)
+        theta = theta.copy()
+        theta[outside], _ = self._nearest(theta[outside])
+        return theta
 
     def located(self, theta):
         """Points of the mesh at `theta`, (n, 2), or, where rounding puts them outside, beside."""

@@ -162,6 +162,58 @@ class Result:
         values += np.einsum("nij,nj->ni", slopes, offset)
         return values.reshape(sign.shape) * sign
 
+    def slopes(self, theta):
+        """∇ψ at parameter points.
+
+        Parameters
+        ----------
+        theta : array_like, (..., 2)
+            Points of the closed domain, rim and mirror images included.
+
+        Returns
+        -------
+        ndarray, (..., 2, 2)
+            Rows are components of ψ.
+        """
+        folded, sign = self._folded(*np.moveaxis(np.asarray(theta), -1, 0))
+        points, _ = self._located(folded)
+        values = _at(gradient(*self._psi), points).reshape(*sign.shape, 2)
+        return values * sign[..., :, None] * sign[..., None, :]
+
+    def flatten(self, points):
+        """Where points of the surface go on the flat patch.
+
+        Parameters
+        ----------
+        points : array_like, (..., 3)
+            Points on or near the surface, in its coordinates.
+
+        Returns
+        -------
+        ndarray, (..., 2)
+            The flat positions of the nearest points of the surface.
+        """
+        from .places import flatten
+
+        return flatten(self, points)
+
+    def lay(self, flat):
+        """Where points of the flat patch go on the surface.
+
+        Parameters
+        ----------
+        flat : array_like, (..., 2)
+            Flat positions, in units of length.
+
+        Returns
+        -------
+        ndarray, (..., 3)
+            Points of the surface; NaN outside the patch.
+        """
+        from .places import lay
+
+        return lay(self, flat)
+
     def field(self, name, theta1, theta2):
         """A field of the cloth at parameter points.
 

@@ -1,0 +1,77 @@
+"""From the surface to the flat patch and back."""
+
+import ngsolve as ngs
+import numpy as np
+
+from ..errors import InputError
+from ..output.plot import sample
+
+STEPS = 60
+SETTLED = 1e-13  # of the size: of steps on the surface or the patch
+FOUND = 1e-9  # of the size: from the patch, where a point lies on it
+
+
+def flatten(result, points):
+    """See `Result.flatten`."""
+    points, sheet = _checked("points", points, 3), result.sheet
+    slopes = ngs.CF(sheet.tangents, dims=(2, 3))
+
+    def place(theta):
+        return result.evaluate(sheet.position, theta)
+
+    def tangents(theta):
+        return result.evaluate(slopes, theta).swapaxes(1, 2)
+
+    theta, _ = _nearest(result, points.reshape(-1, 3), place, tangents)
+    return result.psi(*theta.T).reshape(points.shape[:-1] + (2,))
+
+
+def lay(result, flat):
+    """See `Result.lay`."""
+    flat = _checked("flat", flat, 2)
+    theta, distance = _nearest(
+        result, flat.reshape(-1, 2), lambda theta: result.psi(*theta.T), result.slopes
+    )
+    points = result.evaluate(result.sheet.position, theta)
+    points[distance > FOUND * np.ptp(result.outline(), axis=0).max()] = np.nan
+    return points.reshape(flat.shape[:-1] + (3,))
+
+
+def _checked(argument, points, dimension):
+    try:
+        points = np.asarray(points, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(argument, points, "numbers") from None
+    if points.ndim == 0 or points.shape[-1] != dimension or not np.isfinite(points).all():
+        raise InputError(argument, points, f"finite points of {dimension} coordinates, (..., n)")
+    return points
+
+
+def _nearest(result, targets, place, slopes):
+    """Parameters of the points of the domain whose places are nearest, and how far these are.
+
+    By the steps of Gauss and Newton from the nearest of many samples; those that come no nearer
+    are halved.
+    """
+    from scipy.spatial import cKDTree  # takes time, and sets filters of warnings
+
+    samples, _ = sample(result)
+    there = place(samples)
+    _, first = cKDTree(there).query(targets)
+    theta, size = samples[first], np.ptp(there, axis=0).max()
+    distance = np.linalg.norm(place(theta) - targets, axis=1)
+    damping, moving = np.ones(len(theta)), np.arange(len(theta))
+    for _ in range(STEPS):
+        at = theta[moving]
+        gap, matrix = targets[moving] - place(at), slopes(at)
+        step = (np.linalg.pinv(matrix) @ gap[..., None])[..., 0]
+        length = np.linalg.norm((matrix @ step[..., None])[..., 0], axis=1) * damping[moving]
+        trial = result.domain.brought_in(at + damping[moving, None] * step)
+        now = np.linalg.norm(place(trial) - targets[moving], axis=1)
+        better = now < distance[moving]
+        theta[moving[better]], distance[moving[better]] = trial[better], now[better]
+        damping[moving] = np.where(better, 1.0, damping[moving] / 2)
+        moving = moving[length > SETTLED * size]
+        if not len(moving):
+            break
+    return theta, distance

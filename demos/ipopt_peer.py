@@ -33,7 +33,7 @@ from ngcloth.energy.sampling import RimPoints, Sampling
 from ngcloth.errors import InputError
 from ngcloth.result.history import Reason
 from ngcloth.result.result import Result
-from ngcloth.solver.solve import make_sheets
+from ngcloth.solver.meshes import make_sheets
 from ngcloth.solver.start import feasible_start
 
 try:

@@ -24,7 +24,8 @@ from timed_solves import SCENES
 
 import ngcloth
 from ngcloth.chebyshev import ChebyshevNet
-from ngcloth.solver.solve import LINEARISATIONS, make_sheets
+from ngcloth.solver.meshes import make_sheets
+from ngcloth.solver.settings import LINEARISATIONS
 from ngcloth.solver.start import feasible_start
 
 SHORT = 10  # repeat solves shorter than this many seconds, and take the best
@@ -145,7 +146,7 @@ def profile(name, maxh):
 
     steps = cumulative("interior_point.py", "interior_point")
     parts = {
-        "mesh and set-up": cumulative("solve.py", "make_sheets")
+        "mesh and set-up": cumulative("meshes.py", "make_sheets")
         + cumulative("solve.py", "_discretised"),
         "from coarser meshes": cumulative("constrained.py", "take"),
         "start": cumulative("start.py", "near_start"),

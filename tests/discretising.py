@@ -6,7 +6,7 @@ import numpy as np
 from ngcloth import Disk, Elongation, Net, Scene, ShearLimit, Surface
 from ngcloth.energy.closed_form import ClosedFormLagrangian
 from ngcloth.scenes import hemicatenoid, sphere
-from ngcloth.solver.solve import make_sheets
+from ngcloth.solver.meshes import make_sheets
 
 
 def discretised(scene, maxh=0.4, order=2, quadrature=None, kind=ClosedFormLagrangian):

@@ -2,15 +2,10 @@
 
 from dataclasses import replace
 
-import ngsolve as ngs
 import numpy as np
-from netgen.occ import OCCGeometry
 
-from ..energy.automatic import AutomaticLagrangian
-from ..energy.closed_form import ClosedFormLagrangian
 from ..energy.lagrangian import Lagrangian
-from ..errors import InputError, SolveError, check_integer, check_number
-from ..geometry.file_surface import FileSurface
+from ..errors import InputError, SolveError, check_number
 from ..problem.cost_size import normalised
 from ..problem.scene import Scene
 from ..result.alone import alone
@@ -18,20 +13,14 @@ from ..result.history import Reason
 from ..result.result import Result
 from ..result.save import fingerprint
 from .checkpoint import Checkpoint
-from .gradient_flow import adaptive_flow, fixed_flow
 from .interior_point import FIRST_MU, interior_point
+from .meshes import COARSER, coarser_levels, make_sheets
 from .net_choice import chosen_net
 from .recorder import Recorder
 from .saddle_flow import saddle_flow
+from .settings import FLOWS, KNOWN, LINEARISATIONS, checked_settings
 from .size import check_memory, check_seconds
 
-LINEARISATIONS = {"closed form": ClosedFormLagrangian, "automatic": AutomaticLagrangian}
-FLOWS = {"adaptive": adaptive_flow, "paper": fixed_flow}
-INVERSES = ("sparsecholesky", "umfpack")
-HIGHEST = 14  # order of ψ: NGSolve ends the process at rules for orders beyond
-COARSEST = 0.3  # mesh size over diameter
-REFINEMENTS = 2  # of a mesh, to give the next finer one
-COARSER = 2**REFINEMENTS
 QUARTER_TURN = np.array([[0, 1], [-1, 0]])
 
 
@@ -144,47 +133,29 @@ def solve(
     """
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "an ngcloth.Scene")
-    known = (
-        "maxh, order, multiplier_order, quadrature, barrier_end, tolerance, max_steps, "
-        "max_seconds, schedule, linearisation, inverse, log, callback, checkpoint, throw"
-    )
     for name, value in unknown.items():
-        raise InputError(name, value, f"unknown setting; there are {known}")
-    diameter = scene.surface.diameter
-    settings = {
-        "maxh": check_number("maxh", 0.02 * diameter if maxh is None else maxh, 0, open_low=True),
-        "order": check_integer("order", order, 1, HIGHEST),
-        "quadrature": check_integer(
-            "quadrature",
-            2 * order + 2 if quadrature is None else quadrature,
-            2 * order - 2,
-            2 * HIGHEST + 2,
-        ),
-        "max_steps": check_integer("max_steps", max_steps, 1),
-        "ngsolve": ngs.__version__,
-    }
+        raise InputError(name, value, f"unknown setting; there are {KNOWN}")
     for name, function in {"log": log, "callback": callback}.items():
         if not (function is None or callable(function)):
             raise InputError(name, function, "a callable of one argument, or None")
-    settings["inverse"] = _check_choice("inverse", inverse, INVERSES)
-    settings["schedule"] = _check_choice("schedule", schedule, FLOWS)
-    _check_choice("linearisation", linearisation, LINEARISATIONS)
-    tolerance = check_number("tolerance", tolerance, 0, open_low=True)
-    barrier_end = check_number("barrier_end", barrier_end, 0, 1, open_low=True)
     if not (isinstance(max_seconds, float) and max_seconds == np.inf):
         max_seconds = check_number("max_seconds", max_seconds, 0, open_low=True)
-    if scene.in_equilibrium:
-        settings["linearisation"] = linearisation
-        multiplier_order = order if multiplier_order is None else multiplier_order
-        # With more multipliers than unknowns the matrix is singular.
-        settings["multiplier_order"] = check_integer("multiplier_order", multiplier_order, 1, order)
-    if scene.constraints:
-        settings["barrier_end"] = barrier_end
-    if not scene.constraints or schedule == "paper":
-        settings["tolerance"] = tolerance
+    settings = checked_settings(
+        scene,
+        maxh=maxh,
+        order=order,
+        multiplier_order=multiplier_order,
+        quadrature=quadrature,
+        barrier_end=barrier_end,
+        tolerance=tolerance,
+        max_steps=max_steps,
+        schedule=schedule,
+        linearisation=linearisation,
+        inverse=inverse,
+    )
     solved, size = normalised(scene)
     check_memory(scene, settings)
-    coarsest = settings["maxh"] * COARSER ** _coarser_levels(scene, settings["maxh"])
+    coarsest = settings["maxh"] * COARSER ** coarser_levels(scene, settings["maxh"])
     check_seconds(scene, coarsest, max_seconds)
     if checkpoint is not None:
         identity = {name: array.tolist() for name, array in fingerprint(scene).items()}
@@ -277,38 +248,6 @@ def _same_minimum(one, other):
     return near and any(np.abs(here - x).max() <= 1e-2 * np.abs(here).max() for x in turned)
 
 
-def make_sheets(scene, maxh, order):
-    """The surface on the meshes that a scene is solved on, a `Sheet` each, the finest last."""
-    levels, surface = _coarser_levels(scene, maxh), scene.surface
-    if isinstance(surface, FileSurface):
-        return surface.sheets(maxh, order, REFINEMENTS * levels)[::REFINEMENTS]
-    sizes = [maxh * COARSER**level for level in reversed(range(levels + 1))]
-    return [surface.on(make_mesh(scene, size, order)) for size in sizes]
-
-
-def make_mesh(scene, maxh, order):
-    """The curved triangulation of the scene's domain, or of its quarter.
-
-    In a scene with limits it is refined from the coarser ones that are solved first. Interpolation
-    between meshes that are not nested would leave their limits, and equilibrium.
-    """
-    face = scene.surface.domain.face(scene.symmetric)
-    levels = _coarser_levels(scene, maxh)
-    mesh = OCCGeometry(face, dim=2).GenerateMesh(maxh=maxh * COARSER**levels)
-    for _ in range(levels * REFINEMENTS):
-        mesh.Refine()
-    mesh = ngs.Mesh(mesh)
-    mesh.Curve(order)
-    return mesh
-
-
-def _coarser_levels(scene, maxh):
-    """How many coarser meshes are solved first."""
-    if not scene.constraints:
-        return 0
-    return max(int(np.log(COARSEST * scene.surface.diameter / maxh) / np.log(COARSER)), 0)
-
-
 def _discretised(scene, sheet, settings):
     arguments = (settings[name] for name in ("order", "quadrature", "inverse"))
     if scene.in_equilibrium:
@@ -355,9 +294,3 @@ def _start_from_coarser(problem, recorder, sheets):
         return True
     problem.unknowns[:] = given
     return False
-
-
-def _check_choice(argument, value, choices):
-    if not isinstance(value, str) or value not in choices:
-        raise InputError(argument, value, "one of " + ", ".join(map(repr, choices)))
-    return value

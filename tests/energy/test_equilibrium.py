@@ -7,7 +7,7 @@ from discretising import skew_surface
 
 from ngcloth import Disk, Elongation, Net, Rectangle, Scene, Surface
 from ngcloth.problem.kinematics import Kinematics
-from ngcloth.solver.solve import make_mesh
+from ngcloth.solver.meshes import make_mesh
 
 
 def cap(radius=1.0, domain=None):

@@ -8,8 +8,8 @@ import ngcloth
 from ngcloth import Disk, Net, Rectangle, Scene, Surface
 from ngcloth.energy.lagrangian import Lagrangian
 from ngcloth.problem.kinematics import Kinematics, gradient
+from ngcloth.solver.meshes import make_sheets
 from ngcloth.solver.newton import newton_step
-from ngcloth.solver.solve import make_sheets
 
 
 def discretised(scene, maxh=0.4, order=3, quadrature=None, gauss_newton=False):

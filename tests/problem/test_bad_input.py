@@ -24,7 +24,7 @@ def no_mesh(monkeypatch):
         raise AssertionError("a mesh was about to be made")
 
     monkeypatch.setattr(OCCGeometry, "GenerateMesh", make)
-    monkeypatch.setattr(sys.modules["ngcloth.solver.solve"], "make_mesh", make)
+    monkeypatch.setattr(sys.modules["ngcloth.solver.meshes"], "make_mesh", make)
 
 
 def refused(argument, value, call, *arguments, **options):

@@ -29,7 +29,7 @@ from ngcloth import (
 NAN, INF = float("nan"), float("inf")
 BUDGET = 25
 GRID = np.linspace(-1, 1, 11)
-MAKE_MESH = sys.modules["ngcloth.solver.solve"].make_mesh
+MAKE_MESH = sys.modules["ngcloth.solver.meshes"].make_mesh
 
 drawn = settings(
     max_examples=40,
@@ -148,7 +148,7 @@ def solved_or_refused(scene, settings):
         return meshes[-1]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys.modules["ngcloth.solver.solve"], "make_mesh", noting)
+        patch.setattr(sys.modules["ngcloth.solver.meshes"], "make_mesh", noting)
         try:
             made = Scene(**scene)
             return ngcloth.solve(made, maxh=0.3 * made.surface.domain.diameter, **settings)
@@ -256,7 +256,7 @@ def test_bad_input_is_refused_before_the_mesh(make):
         raise AssertionError("a mesh was about to be made")
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys.modules["ngcloth.solver.solve"], "make_mesh", no_mesh)
+        patch.setattr(sys.modules["ngcloth.solver.meshes"], "make_mesh", no_mesh)
         with pytest.raises(InputError) as error:
             make()
     assert error.value.argument and error.value.allowed

@@ -13,8 +13,8 @@ from ngcloth.energy.closed_form import ClosedFormLagrangian
 from ngcloth.problem.kinematics import gradient
 from ngcloth.result.history import Reason
 from ngcloth.solver.interior_point import interior_point
+from ngcloth.solver.meshes import make_sheets
 from ngcloth.solver.recorder import Recorder
-from ngcloth.solver.solve import make_sheets
 
 FABRIC = Net(ks=3.0)
 HEIGHT = 0.3  # of the cap over the plane of its rim, whose radius is one

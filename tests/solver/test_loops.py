@@ -23,6 +23,7 @@ from ngcloth.scenes import hemicatenoid, hemisphere, sphere
 from ngcloth.solver.checkpoint import Checkpoint
 
 solving = import_module("ngcloth.solver.solve")
+meshes = import_module("ngcloth.solver.meshes")
 
 SCENES = {"Chebyshev": (hemicatenoid(), 0.3), "limits": (hemisphere(10.0), 0.3)}
 
@@ -200,7 +201,7 @@ def cut_off(tmp_path):
 
 def test_foreign_and_damaged_checkpoints(cut_off, monkeypatch):
     """They are refused before the mesh."""
-    monkeypatch.setattr(solving, "make_mesh", no_mesh)
+    monkeypatch.setattr(meshes, "make_mesh", no_mesh)
     refused(cut_off, "another one's", hemisphere(11.0))
     refused(cut_off, "another one's", maxh=0.25)
     refused(cut_off, "another one's", dataclasses.replace(hemisphere(10.0), cost=energy))
@@ -212,7 +213,7 @@ def test_foreign_and_damaged_checkpoints(cut_off, monkeypatch):
 
 def test_places_that_are_no_checkpoint(tmp_path, monkeypatch):
     """A pipe, read from, would be waited for; a folder or device is not to be replaced."""
-    monkeypatch.setattr(solving, "make_mesh", no_mesh)
+    monkeypatch.setattr(meshes, "make_mesh", no_mesh)
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path, tmp_path / "pipe", os.devnull, tmp_path / "none" / "run.npz", "", 3):
         refused(path, "path of a file")

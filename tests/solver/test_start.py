@@ -21,8 +21,8 @@ from ngcloth import (
 from ngcloth.energy.closed_form import ClosedFormLagrangian
 from ngcloth.problem.kinematics import gradient
 from ngcloth.solver.interior_point import interior_point
+from ngcloth.solver.meshes import make_sheets
 from ngcloth.solver.recorder import Recorder
-from ngcloth.solver.solve import make_sheets
 from ngcloth.solver.start import STRETCHED, dilate, feasible_start, flatten, near_start
 
 BUMP = Surface(lambda x, y: (x, y, ngs.exp(-(x * x + y * y) / 0.09)), Disk())

@@ -1,0 +1,71 @@
+"""Settings of a solve: checked, with defaults, and none that the scene at hand does not use."""
+
+import ngsolve as ngs
+
+from ..energy.automatic import AutomaticLagrangian
+from ..energy.closed_form import ClosedFormLagrangian
+from ..errors import InputError, check_integer, check_number
+from .gradient_flow import adaptive_flow, fixed_flow
+
+LINEARISATIONS = {"closed form": ClosedFormLagrangian, "automatic": AutomaticLagrangian}
+FLOWS = {"adaptive": adaptive_flow, "paper": fixed_flow}
+INVERSES = ("sparsecholesky", "umfpack")
+HIGHEST = 14  # order of ψ: NGSolve ends the process at rules for orders beyond
+KNOWN = (
+    "maxh, order, multiplier_order, quadrature, barrier_end, tolerance, max_steps, max_seconds, "
+    "schedule, linearisation, inverse, log, callback, checkpoint, throw"
+)
+
+
+def checked_settings(
+    scene,
+    *,
+    maxh,
+    order,
+    multiplier_order,
+    quadrature,
+    barrier_end,
+    tolerance,
+    max_steps,
+    schedule,
+    linearisation,
+    inverse,
+):
+    """The settings of `solve` that a scene uses, and the version of NGSolve, as a dict.
+
+    Raises
+    ------
+    InputError
+        If one is out of bounds, whether the scene uses it or not.
+    """
+    maxh = 0.02 * scene.surface.diameter if maxh is None else maxh
+    order = check_integer("order", order, 1, HIGHEST)
+    degree = 2 * order + 2 if quadrature is None else quadrature
+    settings = {
+        "maxh": check_number("maxh", maxh, 0, open_low=True),
+        "order": order,
+        "quadrature": check_integer("quadrature", degree, 2 * order - 2, 2 * HIGHEST + 2),
+        "max_steps": check_integer("max_steps", max_steps, 1),
+        "ngsolve": ngs.__version__,
+        "inverse": _one_of("inverse", inverse, INVERSES),
+        "schedule": _one_of("schedule", schedule, FLOWS),
+    }
+    _one_of("linearisation", linearisation, LINEARISATIONS)
+    tolerance = check_number("tolerance", tolerance, 0, open_low=True)
+    barrier_end = check_number("barrier_end", barrier_end, 0, 1, open_low=True)
+    if scene.in_equilibrium:
+        settings["linearisation"] = linearisation
+        # With more multipliers than unknowns the matrix is singular.
+        degree = order if multiplier_order is None else multiplier_order
+        settings["multiplier_order"] = check_integer("multiplier_order", degree, 1, order)
+    if scene.constraints:
+        settings["barrier_end"] = barrier_end
+    if not scene.constraints or schedule == "paper":
+        settings["tolerance"] = tolerance
+    return settings
+
+
+def _one_of(argument, value, choices):
+    if not isinstance(value, str) or value not in choices:
+        raise InputError(argument, value, "one of " + ", ".join(map(repr, choices)))
+    return value

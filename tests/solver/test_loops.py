@@ -348,7 +348,7 @@ def test_a_turned_patch_is_the_same_minimum_if_its_threads_are(kc):
     chart = ngcloth.Surface(lambda x, y: (x, y, -0.1 * x * x - 0.6 * y * y), ngcloth.Disk())
     scene = Scene(chart, ngcloth.Net(kc=kc, ks=1.0), [ngcloth.Elongation()])
     starts = [(0.9, 0.8), (-0.9, -0.8), lambda x, y: (-0.8 * y, 0.9 * x)]
-    found = ngcloth.minima(scene, starts, maxh=0.5, barrier_end=1e-4)
+    found = ngcloth.minima(scene, starts, maxh=0.35, barrier_end=1e-4)
     assert all(result.converged for result in found)
     assert len(found) == (1 if kc == 1.0 else 2)
 

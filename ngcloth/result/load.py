@@ -186,7 +186,9 @@ def _scene(scene, record, expected, folder):
                 allowed = f"the scene {name!r} that was solved; its functions are not in the files"
                 raise InputError("scene", None, allowed)
             if recipe["scene"] == "part":
-                scene = scenes.part(_surface(expected), **recipe["arguments"])
+                with _reading(folder, "scene.npz"):
+                    surface = _surface(expected)
+                scene = scenes.part(surface, **recipe["arguments"])
             else:
                 scene = scenes.NAMED[recipe["scene"]](**recipe["arguments"])
     expected = {name: each for name, each in expected.items() if not name.startswith(SURFACE)}

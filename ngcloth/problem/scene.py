@@ -20,6 +20,7 @@ from .surface import Surface
 
 OFF = 1e6  # energies over stiffness are within
 UNDEFORMED, STRETCHED = (1.0, 1.0, 0.0), ((1.21, 1.0, 0.0), (1.0, 1.21, 0.0), (1.0, 1.0, 0.3))
+EVENNESS = 1e-3  # last weight of the tie-break where the net is not unique
 PLACES = 4000  # at which a metric is compared with its mirror image
 
 
@@ -55,8 +56,9 @@ class Scene:
         For surfaces whose Chebyshev net is not unique: choose one by adding ε/2 times ∫ |∇∇∇ψ|²
         (as the variation of ∇∇ψ in each element, and with a little of ∫ |∇∇ψ|²) to E/kc, and so
         prefer nets that bend evenly. The value is the last ε, from which the solve ends with some
-        steps on E alone; 0, the default, leaves all this out. Where the net is not unique the
-        patch still moves with ε and the mesh; where it is unique it does not.
+        steps on E alone; 0, the default, leaves all this out in scenes with symmetry, limits or
+        shear stiffness. Without these any two curves may be threads, and 0 means 1e-3. Where the
+        net is not unique the patch still moves with ε and the mesh; where it is unique it does not.
     name : str, optional
         How the scene is called in printed lines and figures.
 
@@ -133,6 +135,12 @@ class Scene:
     def inextensible(self):
         """Whether this is a Chebyshev scene: E is nothing but thread energy, and can vanish."""
         return isinstance(self.fabric, Net) and self.fabric.ks == 0 and not self.in_equilibrium
+
+    @property
+    def net_choice(self):
+        """The last ε of the tie-break; 0 where there is nothing to choose."""
+        free = self.inextensible and not self.symmetric
+        return self.tie_break or (EVENNESS if free else 0.0)
 
     @property
     def copies(self):
@@ -291,8 +299,9 @@ class Scene:
         else:
             domain = f"{self.surface.domain}" + (", one quarter" if self.symmetric else "")
         terms = ["E(ψ), the strain energy" if self.cost is None else "∫ J χ, a cost of its own"]
-        if self.tie_break:
-            terms.append(f"ε/2 ∫ |∇∇∇ψ|² down to ε = {self.tie_break:g}, to choose among nets")
+        if self.net_choice:
+            evenest = f"ε/2 ∫ |∇∇∇ψ|² down to ε = {self.net_choice:g}, to choose the evenest net"
+            terms.append(evenest)
         unknowns = "ψ1, ψ2"
         if self.in_equilibrium:
             unknowns += ", v1, v2"

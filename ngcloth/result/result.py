@@ -332,11 +332,14 @@ class Result:
         low, high = self.extrema["stretch1"]
         shear = max(map(abs, self.extrema["shear"]))
         angle = np.degrees(np.arccos(min(shear, 1)))
+        many = (
+            "\n  one of many nets: the one that bends most evenly" if self.scene.net_choice else ""
+        )
         return (
             f"{self.scene.name}: {self.why}\n"
             f"  E/(2π kc) = {self.normalized_energy:.6e}, patch area {self.area:.6f}\n"
             f"  λ1 in [{low:.6f}, {high:.6f}], "
-            f"|γ| up to {shear:.6f}, threads at {angle:.1f}° or more\n"
+            f"|γ| up to {shear:.6f}, threads at {angle:.1f}° or more{many}\n"
             f"  {self.newton_iterations} Newton steps, {self.seconds:.2f} s"
         )
 

@@ -1,5 +1,7 @@
 """Pseudo-time loops: backward Euler along the H¹ gradient flow of the Lagrangian (eq. 23)."""
 
+import math
+
 from ..result.history import Reason
 from .newton import newton_step
 from .start import dilate
@@ -17,7 +19,7 @@ ROUND_OFF_OF_VALUE = 1e-14
 ROUND_OFF = 1e-26  # energy per area of strains of 1e-13
 
 
-def adaptive_flow(problem, recorder, phase, tolerance):
+def adaptive_flow(problem, recorder, phase, tolerance, at_most=math.inf):
     """Flow to rest, one Newton step to each backward Euler step; dilate a stretched start first.
 
     Parameters
@@ -30,10 +32,13 @@ def adaptive_flow(problem, recorder, phase, tolerance):
         The name of this stage in the history.
     tolerance : float
         Rest is where the decrease still in sight is below this fraction of the Lagrangian.
+    at_most : int, optional
+        Newton steps after which to return.
 
     Returns
     -------
     Reason
+        `RUNNING` after `at_most` steps.
     """
     sight = float(recorder.memory.pop("sight", problem.value()))
     boost = float(recorder.memory.pop("boost", 1.0))
@@ -41,7 +46,10 @@ def adaptive_flow(problem, recorder, phase, tolerance):
     floor = ROUND_OFF * problem.area
     if not recorder.rows:
         dilate(problem)
+    last = recorder.newton + at_most
     while not recorder.exhausted:
+        if recorder.newton >= last:
+            return Reason.RUNNING
         rate = DAMPING * boost * max(sight, floor) / problem.area
         step = newton_step(problem, rate, exact=exact)
         recorder.newton += 1
@@ -94,14 +102,16 @@ def collapsed(problem):
     return problem.scene.inextensible and sine < LEAST_ANGLE_SINE
 
 
-def fixed_flow(problem, recorder, phase, tolerance, time_step=0.1):
+def fixed_flow(problem, recorder, phase, tolerance, at_most=math.inf, time_step=0.1):
     """The paper's schedule: steps Δt of one size, each backward Euler equation solved by Newton.
 
     Rest is where |∂t L|/(2π kc) ≤ `tolerance`. Parameters and return value otherwise as for
     `adaptive_flow`.
     """
-    anchor = problem.state.vec.CreateVector()
+    anchor, last = problem.state.vec.CreateVector(), recorder.newton + at_most
     while not recorder.exhausted:
+        if recorder.newton >= last:
+            return Reason.RUNNING
         anchor.data = problem.state.vec
         before, length = problem.value(), 1.0
         while not recorder.exhausted:

@@ -8,8 +8,9 @@ from ..result.history import Reason
 from .newton import newton_step
 
 FIRST_TIE_BREAK = 1e-3
-CHOSEN = 1e-2  # accuracy at each weight
+CHOSEN, AT_MOST = 1e-2, 12  # accuracy and steps at each weight: at more it creeps along nets
 FREEING_STEPS, FREEING_RATE, SETTLING_STEPS = 16, 2e-9, 8
+HOLDING = 2e4  # rate over the square of the last weight: a net chosen at a large one stays
 
 
 def chosen_net(problem, recorder, flow, tolerance):
@@ -34,8 +35,8 @@ def chosen_net(problem, recorder, flow, tolerance):
         if recorder.rows and weight > recorder.rows[-1].mu:
             continue
         problem.mu = weight
-        reason = flow(problem, recorder, "flow", max(tolerance, CHOSEN))
-        if reason is not Reason.CONVERGED:
+        reason = flow(problem, recorder, "flow", max(tolerance, CHOSEN), at_most=AT_MOST)
+        if reason not in (Reason.CONVERGED, Reason.RUNNING):
             return reason
     return _freed(problem, recorder, tolerance)
 
@@ -54,7 +55,9 @@ def _freed(problem, recorder, tolerance):
     they would go on for ever, along nets that the mesh resolves better and better: the last ones
     are damped more and more, and bring the net to rest.
     """
-    problem.mu, rate = 0.0, float(recorder.memory.pop("rate", FREEING_RATE))
+    first = max(FREEING_RATE, HOLDING * problem.scene.tie_break**2)
+    rate = float(recorder.memory.pop("rate", first))
+    problem.mu = 0.0
     done = sum(row.mu == 0 for row in recorder.rows)
     for left in range(FREEING_STEPS + SETTLING_STEPS - done, 0, -1):
         if recorder.exhausted:

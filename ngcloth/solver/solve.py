@@ -1,5 +1,6 @@
 """solve(): mesh, loops, result. minima(): from several starts."""
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -154,6 +155,9 @@ def solve(
         inverse=inverse,
     )
     solved, size = normalised(scene)
+    if solved.net_choice != solved.tie_break:
+        solved = copy(solved)
+        object.__setattr__(solved, "tie_break", scene.net_choice)
     check_memory(scene, settings)
     coarsest = settings["maxh"] * COARSER ** coarser_levels(scene, settings["maxh"])
     check_seconds(scene, coarsest, max_seconds)

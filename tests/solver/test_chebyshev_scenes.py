@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ngcloth
-from ngcloth import Disk, InputError, Net, Reason, Rectangle, Scene, SolveError, Surface
+from ngcloth import Disk, InputError, Net, Reason, Rectangle, Scene, SolveError, Surface, solve
 from ngcloth.chebyshev import ChebyshevNet
 
 DIAGONAL = 0.5**0.5
@@ -544,3 +544,18 @@ def test_printed_forms(hemisphere):
     scene = str(ngcloth.scenes.hemicatenoid())
     assert "one quarter" in scene and "ε" in scene
     assert "ε" not in str(ngcloth.scenes.hemisphere())
+
+
+@pytest.mark.parametrize(
+    "height, area",
+    [(lambda x, y: -0.25 * x**2 - 0.6 * y**2, 3.74), (lambda x, y: 0.4 * x * y, 3.29)],
+)
+def test_of_many_nets_an_even_one_is_chosen(height, area):
+    """Without mirrors any two curves may be threads: E alone ends with half as much cloth again."""
+    surface = Surface(lambda x, y: (x, y, height(x, y)), Disk(1.0))
+    scene = Scene(surface, Net())
+    result = solve(scene, maxh=0.25)
+    assert result.converged and result.newton_iterations <= 60
+    assert result.area == pytest.approx(area, rel=0.01)
+    assert "evenest net" in str(scene) and "one of many" in str(result)
+    assert result.certificate().one_of_many

@@ -9,16 +9,16 @@ import numpy as np
 from ..errors import InputError, check_integer
 from ..geometry.file_surface import FileSurface
 from ..geometry.sheet import Sheet
-from ..output.cut import export_dxf, export_svg
 from ..problem.domain import MeshDomain
 from ..problem.kinematics import Kinematics, gradient
 from ..problem.scene import Scene
 from .equilibrium import equilibrium_residual
 from .history import Reason
+from .taken_away import TakenAway
 
 
 @dataclass(frozen=True)
-class Result:
+class Result(TakenAway):
     """The outcome of `ngcloth.solve`.
 
     Attributes
@@ -249,76 +249,12 @@ class Result:
             raise InputError("hole", hole, f"a number up to {self.domain.holes}")
         return self.psi(*(self.domain.rim(n, hole) if hole else self.domain.rim(n)).T)
 
-    export_svg = export_svg
-    export_dxf = export_dxf
-
-    def plot(self, field=None, where="patch", ax=None):
-        """Draw the threads, over a field if one is named, with matplotlib.
-
-        ``where="domain"`` draws them on the parameter domain and ``"history"`` how the solve went;
-        see `ngcloth.plot.draw`.
-        """
-        from ..output.plot import draw
-
-        return draw(self, field, where, ax)
-
-    def view(self, field=None, *, pitch=None, screenshot=None):
-        """Draw the cloth on its surface with PyVista, to be turned by ``result.view().show()``.
-
-        `screenshot` names a picture to write instead; see `ngcloth.view.cloth`.
-        """
-        from ..output.view import cloth
-
-        return cloth(self, field=field, pitch=pitch, screenshot=screenshot)
-
-    def save(self, folder):
-        """Write everything to a folder of open formats, for `ngcloth.load` to read.
-
-        Parameters
-        ----------
-        folder : path
-            Made with its parents. An empty folder, or one that holds nothing but a saved result,
-            is replaced; at any moment the old result or the new one is there, whole.
-
-        Raises
-        ------
-        InputError
-            If `folder` is something else, or cannot be written.
-        """
-        from .save import save
-
-        save(self, folder)
-
     def __reduce__(self):
         # NGSolve's own pickles hold no checks, and need the same version.
         from .load import restored
         from .save import contents
 
         return restored, (contents(self), self.scene if self.scene.recipe is None else None)
-
-    def export_vtu(self, path):
-        """Write the cloth with its fields for ParaView, see `ngcloth.fields.vtu`."""
-        from ..output.fields import vtu
-
-        return vtu(self, path)
-
-    def export_threads(self, path, pitch=None):
-        """Write the threads `pitch` apart as polylines (.vtp), see `ngcloth.fields.threads`."""
-        from ..output.fields import threads
-
-        return threads(self, path, pitch)
-
-    def export_surface(self, path):
-        """Write surface and patch as triangles (.stl, .obj), see `ngcloth.fields.surface`."""
-        from ..output.fields import surface
-
-        return surface(self, path)
-
-    def export_fibres(self, path):
-        """Write a table of thread directions (.csv), see `ngcloth.fields.fibres`."""
-        from ..output.fields import fibres
-
-        return fibres(self, path)
 
     @property
     def why(self):

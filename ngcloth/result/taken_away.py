@@ -1,0 +1,71 @@
+"""What a result hands to a person: pictures, patterns, fields and files, by the output room."""
+
+from ..output.cut import export_dxf, export_svg
+
+
+class TakenAway:
+    """The methods of a `Result` that draw it or write it."""
+
+    export_svg = export_svg
+    export_dxf = export_dxf
+
+    def plot(self, field=None, where="patch", ax=None):
+        """Draw the threads, over a field if one is named, with matplotlib.
+
+        ``where="domain"`` draws them on the parameter domain and ``"history"`` how the solve went;
+        see `ngcloth.plot.draw`.
+        """
+        from ..output.plot import draw
+
+        return draw(self, field, where, ax)
+
+    def view(self, field=None, *, pitch=None, screenshot=None):
+        """Draw the cloth on its surface with PyVista, to be turned by ``result.view().show()``.
+
+        `screenshot` names a picture to write instead; see `ngcloth.view.cloth`.
+        """
+        from ..output.view import cloth
+
+        return cloth(self, field=field, pitch=pitch, screenshot=screenshot)
+
+    def save(self, folder):
+        """Write everything to a folder of open formats, for `ngcloth.load` to read.
+
+        Parameters
+        ----------
+        folder : path
+            Made with its parents. An empty folder, or one that holds nothing but a saved result,
+            is replaced; at any moment the old result or the new one is there, whole.
+
+        Raises
+        ------
+        InputError
+            If `folder` is something else, or cannot be written.
+        """
+        from .save import save
+
+        save(self, folder)
+
+    def export_vtu(self, path):
+        """Write the cloth with its fields for ParaView, see `ngcloth.fields.vtu`."""
+        from ..output.fields import vtu
+
+        return vtu(self, path)
+
+    def export_threads(self, path, pitch=None):
+        """Write the threads `pitch` apart as polylines (.vtp), see `ngcloth.fields.threads`."""
+        from ..output.fields import threads
+
+        return threads(self, path, pitch)
+
+    def export_surface(self, path):
+        """Write surface and patch as triangles (.stl, .obj), see `ngcloth.fields.surface`."""
+        from ..output.fields import surface
+
+        return surface(self, path)
+
+    def export_fibres(self, path):
+        """Write a table of thread directions (.csv), see `ngcloth.fields.fibres`."""
+        from ..output.fields import fibres
+
+        return fibres(self, path)

@@ -1,13 +1,15 @@
 """Whether a ψ is stationary, and a minimum: what `ngcloth.verify` asks of the Lagrangian."""
 
 from functools import cached_property
-from itertools import pairwise
+from itertools import combinations_with_replacement, pairwise
+from math import factorial, prod
 
 import ngsolve as ngs
 import numpy as np
 
 from ..problem.constraints import RIM_SHARE
 from ..problem.cost_size import cost_size
+from ..problem.fabric import Net
 from ..problem.kinematics import Kinematics, gradient
 
 AT_REST = 1e-2  # of the stress: what may be unbalanced in a scene without limits
@@ -34,19 +36,47 @@ class _StationaryPoint:
         self.psi, self.mesh = result.state.components[:2], result.state.space.mesh
         self.order = self.settings["order"]
         self.inverse = "umfpack" if self.scene.in_equilibrium else "sparsecholesky"
-        degree = 2 * ((self.settings["quadrature"] + 1) // 2)
-        self.rules = {shape: ngs.IntegrationRule(shape, degree) for shape in (ngs.TRIG, ngs.SEGM)}
+        self.degree = 2 * ((self.settings["quadrature"] + 1) // 2)
+        shapes = ngs.TRIG, ngs.SEGM
+        self.rules = {shape: ngs.IntegrationRule(shape, self.degree) for shape in shapes}
         self.dx = ngs.dx(intrules=self.rules)
         self.cloth, self.metric = _cloth(result), result.sheet.metric
         self.slope, self.kc = self.cloth.gradient, self.scene.fabric.stiffness
         self.root = ngs.sqrt(ngs.Det(self.metric))
         self.slacks = [c for limit in self.scene.constraints for c in limit.slacks(self.cloth)]
         cloth, cost = self.cloth, self.scene.cost
-        self.energy = cloth.jacobian * self.scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
+        self.energy = cloth.jacobian * self.strain_energy()
         self.energy /= self.kc
         self.size = cost_size(self.scene)
         self.mu = self.size * self.settings.get("barrier_end", 0.0)
         self.cost = cloth.jacobian * cost(cloth) / self.kc if cost else self.energy
+
+    def strain_energy(self):
+        """W; a user's to third order about the C of ψ, with the same three derivatives by ∇ψ.
+
+        They are short for any law; those of a long law itself take minutes.
+        """
+        invariants = self.cloth.I4, self.cloth.I6, self.cloth.I8
+        if isinstance(self.scene.fabric, Net):
+            return self.scene.fabric.energy(*invariants)
+        space = ngs.comp.IntegrationRuleSpace(self.mesh, order=self.degree)
+        points = self.mesh.MapToAllElements(space.GetIntegrationRules(), ngs.VOL)
+        derivatives = {(): self.scene.fabric.energy(*invariants)}
+        for order in (1, 2, 3):
+            for which in combinations_with_replacement(range(3), order):
+                derivatives[which] = derivatives[which[:-1]].Diff(invariants[which[-1]])
+        expressions = ngs.CF((*invariants, *derivatives.values())).Compile()
+        fields = []
+        for values in expressions(points).T:
+            fields.append(ngs.GridFunction(space))
+            fields[-1].vec.FV().NumPy()[:] = values
+        changes = [now - here for now, here in zip(invariants, fields, strict=False)]
+        terms = []
+        for which, value in zip(derivatives, fields[3:], strict=True):
+            for i in which:
+                value = value * changes[i]
+            terms.append(value / prod(factorial(which.count(i)) for i in range(3)))
+        return sum(terms[1:], terms[0])
 
     @cached_property
     def interior(self):

@@ -271,3 +271,26 @@ def test_the_unit_of_a_slack_does_not_decide(unit):
         assert mine.holds is theirs.holds is False
         assert mine.slack == pytest.approx(unit * theirs.slack, rel=0.01)
         assert mine.tolerance == pytest.approx(unit * theirs.tolerance, rel=0.2)
+
+
+class Long:
+    """The law of a `Net` with ks = 1, and powers of γ² that add next to nothing."""
+
+    stiffness = 1.0
+
+    def __init__(self, degree):
+        self.degree = degree
+
+    def energy(self, I4, I6, I8):
+        powers = sum(1e-12 * (I8**2 / (I4 * I6)) ** k for k in range(1, self.degree + 1))
+        return (I4 - 1) ** 2 + (I6 - 1) ** 2 + I8**2 + powers
+
+
+@pytest.mark.parametrize("degree", [1, 6])
+def test_a_long_law_has_the_certificate_of_the_short_one(degree):
+    """Of degree 6 its derivatives by ∇ψ took minutes."""
+    result = solved("coarse")
+    short = result.certificate()
+    long = replace(result, scene=replace(result.scene, fabric=Long(degree))).certificate()
+    for name in ("stress", "stationarity", "stationarity_richer", "curvature"):
+        assert getattr(long, name) == pytest.approx(getattr(short, name), rel=1e-5), name

@@ -46,7 +46,7 @@ def adaptive_flow(problem, recorder, phase, tolerance, at_most=math.inf):
     floor = ROUND_OFF * problem.area
     if not recorder.rows:
         dilate(problem)
-    last = recorder.newton + at_most
+    last = float(recorder.memory.pop("last", recorder.newton + at_most))
     while not recorder.exhausted:
         if recorder.newton >= last:
             return Reason.RUNNING
@@ -78,6 +78,7 @@ def adaptive_flow(problem, recorder, phase, tolerance, at_most=math.inf):
                 sight=sight,
                 boost=boost,
                 exact=exact,
+                last=last,
             )
         if at_rest:
             stretched = problem.scene.inextensible and problem.largest_strain() > UNRESOLVED

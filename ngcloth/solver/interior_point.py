@@ -126,7 +126,8 @@ class Iterate:
     def memory(self):
         """What a later process needs to go on from here, beside the state."""
         pairs = np.reshape(self.filter.pairs, (-1, 2))
-        return {name: getattr(self, name) for name in self.kept} | {"filter": pairs}
+        memory = {name: getattr(self, name) for name in self.kept} | {"filter": pairs}
+        return memory | {"largest_violation": self.filter.largest}
 
     def recall(self, memory):
         """Go on from where `memory` was taken."""
@@ -134,6 +135,7 @@ class Iterate:
             setattr(self, name, memory[name] if memory[name].ndim else memory[name].item())
         self.problem.mu = self.mu
         self.filter.pairs = [tuple(pair) for pair in memory["filter"]]
+        self.filter.largest = memory["largest_violation"].item()
 
     def lagrangian(self):
         """The Lagrangian, barrier included, over kc, over the meshed domain."""

@@ -212,7 +212,7 @@ class Iterate:
         self._project(self.problem.direction.vec)
         slope = self._cost_gradient.InnerProduct(self._psi_step)
         # To the lowest point along the step, were it not shortened by 1/Δt.
-        self._in_sight = slope**2 / self._curvature if self._curvature > 0 else np.inf
+        self._in_sight = slope * slope / self._curvature if self._curvature > 0 else np.inf
         return ds, dz
 
     def _linearised(self):

@@ -9,6 +9,7 @@ from ..errors import check_number
 from ..problem.domain import MeshDomain
 from ..problem.kinematics import Kinematics, gradient
 from .files import checked_file, write_file
+from .formats import obj, stl, xml
 from .plot import default_pitch, sample, thread_levels
 
 # A limit counts as active where its slack is below this share of its greatest value. The barrier
@@ -68,7 +69,7 @@ def vtu(result, path):
             grid.point_data[name] = values.reshape(n * m, *values.shape[2:])
         grid.cell_data["element"] = np.arange(n)
         grid.field_data["converged"] = [int(result.converged)]
-        write_file(file, _xml(grid))
+        write_file(file, xml(grid))
     return files
 
 
@@ -126,7 +127,7 @@ def threads(result, path, pitch=None):
         mesh.cell_data["weft"] = np.array([family for family, _, _ in lines])
         mesh.cell_data["level"] = np.array([level for _, level, _ in lines])
         mesh.point_data.update(places)
-        write_file(file, _xml(mesh))
+        write_file(file, xml(mesh))
     return files
 
 
@@ -163,7 +164,7 @@ def surface(result, path):
     outside, UV are left-handed, and writing in a texture would be mirrored.
     """
     files = _files(path, ".stl", ".obj")
-    written = _stl if files[0].suffix.lower() == ".stl" else _obj
+    written = stl if files[0].suffix.lower() == ".stl" else obj
     theta, triangles = sample(result, RINGS)
     psi = result.psi(*theta.T)
     places = (result.evaluate(result.sheet.position, theta), _in_space(psi))
@@ -369,35 +370,3 @@ def _files(path, *endings):
     """The checked path, and its sibling for the flat patch."""
     path = checked_file(path, *endings)
     return path, checked_file(path.with_stem(path.stem + "_flat"))
-
-
-def _xml(mesh):
-    """What VTK's writer makes of a mesh. Left to write files, it is silent about a full disk."""
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
-
-    polygonal = mesh.IsA("vtkPolyData")
-    writer = vtkXMLPolyDataWriter() if polygonal else vtkXMLUnstructuredGridWriter()
-    writer.SetInputData(mesh)
-    writer.WriteToOutputStringOn()
-    writer.Write()
-    return writer.GetOutputString().encode()
-
-
-def _stl(points, triangles, _):
-    """Triangles as binary STL."""
-    corners = points[triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    record = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
-    facets = np.zeros(len(corners), record)
-    facets["normal"] = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    facets["corners"] = corners
-    return b"ngcloth".ljust(80) + np.uint32(len(facets)).tobytes() + facets.tobytes()
-
-
-def _obj(points, triangles, uv):
-    """Triangles as OBJ, with texture coordinates."""
-    text = io.StringIO()
-    np.savetxt(text, points, "v %.9g %.9g %.9g")
-    np.savetxt(text, uv, "vt %.9g %.9g")
-    np.savetxt(text, np.repeat(triangles + 1, 2, axis=1), "f %d/%d %d/%d %d/%d")
-    return text.getvalue().encode()

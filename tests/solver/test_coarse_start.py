@@ -64,7 +64,7 @@ def test_correctors_save_steps(monkeypatch):
 
 def test_barrier_waits_for_a_patch_that_slides():
     """It turns round the obstacle."""
-    result = ngcloth.solve(scenes.hemicatenoid(100.0, obstacle=True), maxh=0.155, max_steps=250)
+    result = ngcloth.solve(scenes.hemicatenoid(100.0, obstacle=True), maxh=0.155, max_steps=180)
     assert result.converged
     assert result.normalized_energy == pytest.approx(0.2669, abs=2e-4)
 

@@ -1,62 +1,70 @@
 """A certificate for a result: what its ψ is worth, recomputed from ψ alone.
 
-The formulas are those of the solver; forms, rules and spaces are not. NGSolve differentiates whole
-expressions down to ∇ψ, where the solver puts closed forms together, or has it done automatically;
-and no multiplier of the solver is used.
+Of the solver it knows the points at which limits were imposed, and nothing else: no multiplier, no
+matrix. Spaces, derivatives and factorisations are its own.
 """
 
 from dataclasses import dataclass
-from math import comb
 
 import ngsolve as ngs
 import numpy as np
 
 from ..output.planar import crossing
 from ..problem.constraints import Elongation, Obstacle, ShearLimit
-from .stationarity import _cloth, _StationaryPoint
-from .stationarity import least_eigenvalue as least_eigenvalue
+from ..problem.kinematics import Kinematics, gradient
+from .bernstein import basis, lattice, product
+from .between import Between, least_ratio
+from .patch import Patch
+from .stationarity import StationaryPoint
 
-LIMIT = 2e-3  # by which λ, |γ| and, over its largest value, τ may miss their limits; or by a strain
+LIMIT = 2e-3  # by which λ and |γ| may miss their limits; or another, by a strain
+PUSH = 1e-3  # of the largest reaction: by which others may be negative
+FINE = 24  # points along a side at which limits are sampled
 SETTLED = 1e-2  # of a cost: how far it may still fall
 EQUILIBRIUM = 0.1  # `Result.equilibrium_residual`
-BARRIER = 1e-2  # of the stress: weight of a barrier that does not spoil the optimum
-FLAT = 1e-2  # of the stress: curvature that counts as zero
-HALVINGS = 3  # of an element's edges, to prove J > 0 in it
+BARRIER = 5e-3  # strain by which a barrier may keep the cloth from its optimum
 
 
 @dataclass(frozen=True)
 class LimitCheck:
-    """One slack of one limit, on a lattice much finer than the points where it was imposed.
+    """One slack of one limit, on all of every triangle.
 
     Attributes
     ----------
     name : str
         Name of the limit.
     slack : float
-        Its least value.
+        Its least value on a lattice with `FINE` points along each side of a triangle.
     tolerance : float
-        The limit holds if ``slack >= -tolerance``.
+        The limit holds if ``slack >= -tolerance``, and `bound` as well where there is one.
     theta : (float, float)
-        Where the slack is least.
+        Where the slack is least on the lattice.
+    bound : float or None
+        A value below which the slack is proven to lie nowhere; None of limits that are sampled
+        alone.
     """
 
     name: str
     slack: float
     tolerance: float
     theta: tuple
+    bound: float | None = None
 
     @property
     def holds(self):
         """Whether the slack is within its tolerance."""
-        return self.slack >= -self.tolerance
+        least = self.slack if self.bound is None else min(self.slack, self.bound)
+        return bool(least >= -self.tolerance)
 
     def __str__(self):
+        if self.slack >= -self.tolerance and not self.holds:
+            return f"{self.name} not proven between the points, only to {-self.bound:.2g}"
         return f"{self.name} missed by {-self.slack:.2g} at θ = {_point(self.theta)}"
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """What `verify` found; `str` is one line.
+    """What `verify` found; `str` is a line for each kind of proof.
 
     Stresses and curvatures are over kc. "The stress" is the root mean square over the surface of
     the derivative of the energy density by ∇ψ.
@@ -64,9 +72,13 @@ class Certificate:
     Attributes
     ----------
     limits : tuple of LimitCheck
-        One per slack of the scene's constraints.
+        One per slack of the scene's constraints. `Elongation` and `ShearLimit` are proven, others
+        sampled.
+    metric_error : float or None
+        Relative error of the metric's interpolation, on which the proofs of limits rest; measured,
+        not proven, doubled, and part of all bounds. None where there is nothing to prove.
     jacobian : float
-        The least J on the lattice.
+        The least J on a lattice.
     unfolded : bool
         Whether J > 0 is proven on every element, by Bernstein coefficients.
     overlap : (float, float) or None
@@ -82,13 +94,16 @@ class Certificate:
     stationarity_tolerance : float
         What of it is accepted: with limits, what a barrier of weight `barrier` can achieve.
     stationarity_richer : float
-        Likewise over all ψ one order richer: the error of the discretisation. It may be a tenth of
-        the stress, or of kc where that is more: a Chebyshev net has no stress but this error.
+        Likewise over all ψ one order richer: the error of the discretisation. It may be a twentieth
+        of the stress, or of kc where that is more: a Chebyshev net has no stress but this error.
     richer_tolerance : float
         What of it is accepted; for a cost of the scene's own, kc is what it gains where the energy
         of threads would gain kc.
     barrier : float
-        The weight μ for which stationarity was tested, 0 without limits: at most 1 % of the stress.
+        The weight μ for which stationarity was tested, 0 without limits.
+    barrier_strain : float
+        How far that barrier keeps the cloth from the optimum without one: μ dψ/dμ, as a strain, its
+        root mean square over the surface.
     curvature : float
         Smallest eigenvalue of the Hessian of L on changes of ψ that keep the equilibrium, in the
         H¹ seminorm of the surface. Negative beyond `curvature_tolerance`: a saddle, or, without
@@ -106,6 +121,7 @@ class Certificate:
     """
 
     limits: tuple
+    metric_error: float | None
     jacobian: float
     unfolded: bool
     overlap: tuple | None
@@ -116,6 +132,7 @@ class Certificate:
     stationarity_richer: float
     richer_tolerance: float
     barrier: float
+    barrier_strain: float
     curvature: float
     curvature_tolerance: float
     asymmetric_curvature: float | None
@@ -139,12 +156,12 @@ class Certificate:
             faults.append(f"the rim meets itself at X = {_point(self.overlap)}")
         if self.equilibrium is not None and not self.equilibrium <= EQUILIBRIUM:
             faults.append(f"{self.equilibrium:.2g} of the force is not in equilibrium")
-        if not self.barrier <= BARRIER * self.stress:
-            faults.append(f"the barrier's weight is {self.barrier / self.stress:.2g} of the stress")
         if not self.stationarity <= self.stationarity_tolerance:
             faults.append(f"not stationary, {self.stationarity:.2g} of the stress")
         elif self.in_sight is not None and not self.in_sight <= SETTLED:
             faults.append(f"the cost may still fall by {self.in_sight:.2g} of itself")
+        elif not self.barrier_strain <= BARRIER:
+            faults.append(f"the barrier stretches the cloth by {self.barrier_strain:.2g}")
         elif not self.stationarity_richer <= self.richer_tolerance:
             faults.append(
                 f"the mesh leaves {self.stationarity_richer:.2g} of the stress unbalanced"
@@ -186,97 +203,100 @@ def verify(result):
         multipliers found from ψ, and of no negative curvature. In a symmetric scene, a minimum
         among symmetric patches.
     """
-    limits, jacobian = check_limits(result)
-    fine = _unfolded(result) if jacobian > 0 else False
-    tests = {"stationarity": np.inf, "stationarity_richer": np.inf, "curvature": np.nan}
-    tests |= {"asymmetric_curvature": np.nan if result.scene.symmetric else None, "in_sight": None}
-    point = _StationaryPoint(result)
-    if jacobian > 0 and point.interior:
-        tests = point.tests()
+    patch = Patch(result)
+    between = Between(patch)
+    found = {
+        "stress": np.nan,
+        "stationarity": np.inf,
+        "stationarity_tolerance": np.nan,
+        "stationarity_richer": np.inf,
+        "richer_tolerance": np.nan,
+        "barrier": np.nan,
+        "barrier_strain": np.nan,
+        "curvature": np.nan,
+        "curvature_tolerance": np.nan,
+        "asymmetric_curvature": np.nan if result.scene.symmetric else None,
+        "in_sight": None,
+    }
+    if between.jacobian > 0:
+        found |= StationaryPoint(patch, result.settings).tests()
+    proven = any(type(limit) in (Elongation, ShearLimit) for limit in result.scene.constraints)
     return Certificate(
-        limits=limits,
-        jacobian=jacobian,
-        unfolded=fine,
+        limits=check_limits(result, between),
+        metric_error=between.error if proven else None,
+        jacobian=between.jacobian,
+        unfolded=between.jacobian > 0 and between.unfolded(),
         overlap=crossing(*_outlines(result)),
         equilibrium=result.equilibrium_residual if result.scene.in_equilibrium else None,
-        stress=point.stress,
-        stationarity_tolerance=point.tolerance,
-        richer_tolerance=point.richer_tolerance,
-        barrier=point.mu,
-        curvature_tolerance=FLAT * point.stress,
         one_of_many=result.scene.net_choice > 0,
-        **tests,
+        **found,
     )
 
 
-def _on_lattice(result, points):
-    """Mesh points at reference points (n, 2) of each element."""
-    rule = ngs.IntegrationRule([tuple(p) for p in points.tolist()], [0.0] * len(points))
-    return result.state.space.mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)
-
-
-def check_limits(result):
-    """A `LimitCheck` for every slack, and the least J."""
-    points = _on_lattice(result, _lattice(2 * result.settings["quadrature"]))
-    cloth, theta = _cloth(result), ngs.CF((ngs.x, ngs.y))(points)
+def check_limits(result, between=None):
+    """A `LimitCheck` for every slack."""
+    between = between or Between(Patch(result))
     checks = []
     for limit in result.scene.constraints:
-        for slack in limit.slacks(cloth):
-            values = slack.Compile()(points).ravel()
-            worst = int(np.argmin(values))  # a NaN, if there is one
-            tolerance = LIMIT
-            if not isinstance(limit, Elongation | ShearLimit | Obstacle):
-                # The strain that makes up for it, whatever the unit of the slack.
-                strain = (slack.Diff(cloth.gradient) * cloth.gradient.trans).Compile()(points)
-                tolerance *= float(np.linalg.norm(strain.reshape(-1, 4)[worst]))
-            if isinstance(limit, ShearLimit):
-                tolerance *= 2 * limit.maximum  # its slack is γmax² − γ²
-            elif isinstance(limit, Obstacle):
-                tolerance *= float(np.abs(values).max())
-            checks.append(
-                LimitCheck(
-                    limit.name, float(values[worst]), tolerance, tuple(theta[worst].tolist())
-                )
-            )
-    return tuple(checks), float(cloth.jacobian.Compile()(points).min())
+        proven = {Elongation: _stretches, ShearLimit: _shear}.get(type(limit))
+        checks += proven(limit, between) if proven else _sampled(limit, result, between.triangles)
+    return tuple(checks)
 
 
-def _lattice(n):
-    """Points (i, j)/n of the reference triangle, edges and vertices included."""
-    n = max(n, 1)
-    return np.array([(i, j) for i in range(n + 1) for j in range(n + 1 - i)]) / n
+def _stretches(limit, between):
+    """1 − 1/λ of both threads, proven."""
+    one, other, _, square, degree = between.products()
+    kept = 1 - between.error  # of a square, at least
+    checks = []
+    for above in (one, other):
+        bound, _ = least_ratio(above, square, degree, (1 - LIMIT) ** 2 / kept)
+        bound = float(1 - 1 / np.sqrt(max(bound * kept, 1e-300)))
+        values = 1 - 1 / np.sqrt(_on_lattice(above, degree) / _on_lattice(square, degree))
+        checks.append(_check(limit, values, LIMIT, between.triangles, bound))
+    return checks
 
 
-def _unfolded(result):
-    """Whether J > 0 on all of every element.
-
-    On the reference triangle J times the Jacobian of the element is a polynomial of degree
-    2(order − 1), curved or not, and lies above the least of its Bernstein coefficients. Parts of
-    an element have closer ones.
-    """
-    degree = max(2 * (result.settings["order"] - 1), 1)
-    lattice = _lattice(degree)
-    i, j = np.rint(degree * lattice).astype(int).T
-    s, t = lattice.T[:, :, None]
-    count = np.array([comb(degree, a) * comb(degree - a, b) for a, b in zip(i, j, strict=True)])
-    basis = np.linalg.inv(count * s**i * t**j * (1 - s - t) ** (degree - i - j))
-
-    element = ngs.Det(ngs.specialcf.JacobianMatrix(2))
-    density = (_cloth(result).jacobian * element).Compile()
-    parts = [np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])]
-    for _ in range(HALVINGS + 1):
-        points = np.concatenate([p[0] + lattice @ (p[1:] - p[0]) for p in parts])
-        values = density(_on_lattice(result, points)).reshape(-1, len(lattice))
-        if (values @ basis.T).min() > 0:
-            return True
-        parts = [part for whole in parts for part in _quartered(whole)]
-    return False
+def _shear(limit, between):
+    """γmax² − γ², proven."""
+    one, other, mixed, _, degree = between.products()
+    error, allowed, degree = between.error, limit.maximum + LIMIT, 2 * degree
+    squares, threads = (product(*pair, (degree // 2,) * 2) for pair in ((mixed,) * 2, (one, other)))
+    bound, _ = least_ratio(-squares, threads, degree, -((allowed * (1 - error) - error) ** 2))
+    bound = float(limit.maximum**2 - ((np.sqrt(-bound) + error) / (1 - error)) ** 2)
+    values = limit.maximum**2 - _on_lattice(squares, degree) / _on_lattice(threads, degree)
+    tolerance = allowed**2 - limit.maximum**2
+    return [_check(limit, values, tolerance, between.triangles, bound)]
 
 
-def _quartered(triangle):
-    middles = (triangle + np.roll(triangle, -1, axis=0)) / 2
-    corners = [np.array([triangle[k], middles[k], middles[k - 1]]) for k in range(3)]
-    return [*corners, middles]
+def _sampled(limit, result, triangles):
+    """The slacks of a limit that is not one of polynomials, on a lattice alone."""
+    sheet, slope = result.sheet, gradient(*result.state.components[:2])
+    cloth = Kinematics(slope, sheet.metric, result.scene.fabric, lambda: sheet.curvature)
+    checks = []
+    for slack in limit.slacks(cloth):
+        expression, points = slack.Compile(), triangles.at_lattice(FINE)
+        values = expression(points).reshape(len(triangles), -1)
+        if isinstance(limit, Obstacle):
+            tolerance = PUSH * float(np.abs(values).max())
+        else:  # The strain that makes up for it, whatever the unit of the slack.
+            strain = slack.Diff(slope) * slope.trans
+            worst = points[[np.argmin(values)]]
+            tolerance = LIMIT * float(np.linalg.norm(strain.Compile()(worst)))
+        checks.append(_check(limit, values, tolerance, triangles))
+    return checks
+
+
+def _on_lattice(coefficients, degree):
+    """Values of polynomials, (triangles, points)."""
+    return coefficients @ basis(degree, lattice(FINE)).T
+
+
+def _check(limit, values, tolerance, triangles, bound=None):
+    """The check of a slack, of its values at the lattice of all triangles."""
+    number, worst = np.unravel_index(np.argmin(values), values.shape)  # a NaN, if there is one
+    point = triangles.mapped([number], lattice(FINE)[[worst]])
+    theta = tuple(ngs.CF((ngs.x, ngs.y))(point)[0].tolist())
+    return LimitCheck(limit.name, float(values[number, worst]), tolerance, theta, bound)
 
 
 def _outlines(result):

@@ -1,173 +1,116 @@
 """Whether a ψ is stationary, and a minimum: what `ngcloth.verify` asks of the Lagrangian."""
 
 from functools import cached_property
-from itertools import combinations_with_replacement, pairwise
-from math import factorial, prod
+from itertools import pairwise
 
-import ngsolve as ngs
 import numpy as np
 
 from ..problem.constraints import RIM_SHARE
 from ..problem.cost_size import cost_size
-from ..problem.fabric import Net
-from ..problem.kinematics import Kinematics, gradient
+from . import changes
+from .elements import Space, assembled, factorised, negative_pivots
 
 AT_REST = 1e-2  # of the stress: what may be unbalanced in a scene without limits
 ROUND_OFF = 1e-9  # stress over kc that counts as none
-RESOLVED = 0.1  # of the stress, or of kc: what a richer space may find unbalanced
+RESOLVED = 0.05  # of the stress, or of kc: what a richer space may find unbalanced
+FLAT = 1e-2  # of the stress: curvature that counts as zero
+SOFT = 1e-10  # on the diagonal of v, over what couples it to ψ, for lack of pivoting
+REFINEMENTS = 3  # that undo this
 KRYLOV = 30
+SURE = 1e-4  # of an eigenvalue: the change at which a Lanczos iteration ends
 
 
-def _cloth(result):
-    sheet = result.sheet
-    slope = gradient(*result.state.components[:2])
-    return Kinematics(slope, sheet.metric, result.scene.fabric, lambda: sheet.curvature)
-
-
-class _StationaryPoint:
+class StationaryPoint:
     """L(ψ, v) = E(ψ) + dE(ψ)[v] − μ Σ ∫ log c dA over kc near the ψ of a result.
 
     Integrals are taken at the solver's own points, where alone the barrier exists. Those of the
-    barrier are over the surface, and along the rim with a weight of `RIM_SHARE` in all.
+    barrier are over the surface, along the rim with a weight of `RIM_SHARE` in all, and at points
+    that the solve has added with the weight of a mean point of their triangle.
     """
 
-    def __init__(self, result):
-        self.scene, self.settings = result.scene, result.settings
-        self.psi, self.mesh = result.state.components[:2], result.state.space.mesh
-        self.order = self.settings["order"]
-        self.inverse = "umfpack" if self.scene.in_equilibrium else "sparsecholesky"
-        self.degree = 2 * ((self.settings["quadrature"] + 1) // 2)
-        shapes = ngs.TRIG, ngs.SEGM
-        self.rules = {shape: ngs.IntegrationRule(shape, self.degree) for shape in shapes}
-        self.dx = ngs.dx(intrules=self.rules)
-        self.cloth, self.metric = _cloth(result), result.sheet.metric
-        self.slope, self.kc = self.cloth.gradient, self.scene.fabric.stiffness
-        self.root = ngs.sqrt(ngs.Det(self.metric))
-        self.slacks = [c for limit in self.scene.constraints for c in limit.slacks(self.cloth)]
-        cloth, cost = self.cloth, self.scene.cost
-        self.energy = cloth.jacobian * self.strain_energy()
-        self.energy /= self.kc
+    def __init__(self, patch, settings):
+        self.patch, self.scene = patch, patch.scene
+        self.degree = settings.get("multiplier_order")  # of v
         self.size = cost_size(self.scene)
-        self.mu = self.size * self.settings.get("barrier_end", 0.0)
-        self.cost = cloth.jacobian * cost(cloth) / self.kc if cost else self.energy
+        self.mu = self.size * settings.get("barrier_end", 0.0)
+        self.inside = patch.inside
+        self.flat_areas = self.inside.flat_areas().ravel()
+        areas = self.inside.areas().ravel()
+        self.area = areas.sum()
+        self.limits = []
+        if self.scene.constraints:
+            beside = patch.beside
+            self.limits = [_Limits(self.inside, areas), _Limits(beside, beside.weights.ravel())]
 
-    def strain_energy(self):
-        """W; a user's to third order about the C of ψ, with the same three derivatives by ∇ψ.
-
-        They are short for any law; those of a long law itself take minutes.
-        """
-        invariants = self.cloth.I4, self.cloth.I6, self.cloth.I8
-        if isinstance(self.scene.fabric, Net):
-            return self.scene.fabric.energy(*invariants)
-        space = ngs.comp.IntegrationRuleSpace(self.mesh, order=self.degree)
-        points = self.mesh.MapToAllElements(space.GetIntegrationRules(), ngs.VOL)
-        derivatives = {(): self.scene.fabric.energy(*invariants)}
-        for order in (1, 2, 3):
-            for which in combinations_with_replacement(range(3), order):
-                derivatives[which] = derivatives[which[:-1]].Diff(invariants[which[-1]])
-        expressions = ngs.CF((*invariants, *derivatives.values())).Compile()
-        fields = []
-        for values in expressions(points).T:
-            fields.append(ngs.GridFunction(space))
-            fields[-1].vec.FV().NumPy()[:] = values
-        changes = [now - here for now, here in zip(invariants, fields, strict=False)]
-        terms = []
-        for which, value in zip(derivatives, fields[3:], strict=True):
-            for i in which:
-                value = value * changes[i]
-            terms.append(value / prod(factorial(which.count(i)) for i in range(3)))
-        return sum(terms[1:], terms[0])
-
-    @cached_property
+    @property
     def interior(self):
         """Whether all limits hold at the points where they are imposed."""
-        inside = self.mesh.MapToAllElements(self.rules, ngs.VOL)
-        on_rim = self.mesh.MapToAllElements(self.rules, self.mesh.Boundaries("rim"))
-        return all(
-            (c.Compile()(inside) > 0).all() and (ngs.BoundaryFromVolumeCF(c)(on_rim) > 0).all()
-            for c in self.slacks
-        )
+        return all(limits.values.min(initial=np.inf) > 0 for limits in self.limits)
 
     @cached_property
-    def barriers(self):
-        """Weights and integrals of the barrier, inside and along the rim."""
-        rim = {"definedon": self.mesh.Boundaries("rim"), "intrules": self.rules}
-        along = ngs.specialcf.tangential(2)
-        length, on_rim = (
-            ngs.sqrt(ngs.InnerProduct(metric * along, along))
-            for metric in (self.metric, ngs.BoundaryFromVolumeCF(self.metric))
-        )
-        share = RIM_SHARE * self.area / ngs.Integrate(on_rim * ngs.ds(**rim), self.mesh)
-        return (self.root, self.dx), (share * length, ngs.ds(skeleton=True, **rim))
+    def cost(self):
+        """Value, first and second derivatives by Z of what is minimised times J, over J and kc."""
+        if self.scene.cost is None:
+            return self.energy
+        parts = self.inside.functions(lambda cloth: [self.scene.cost(cloth)])
+        value, first, second = (part[0] / self.scene.fabric.stiffness for part in parts)
+        return value, *changes.with_area(value, first, second)
 
     @cached_property
-    def area(self):
-        return ngs.Integrate(self.root * self.dx, self.mesh)
+    def energy(self):
+        """Likewise of W."""
+        density, slopes, bends, _ = self.law
+        strain = self.inside.strain
+        firsts = changes.first(strain), changes.second(strain)
+        return density, *changes.with_area(density, *changes.chained(slopes, bends, *firsts))
+
+    @cached_property
+    def law(self):
+        """W and its derivatives by C, see `Points.law`."""
+        return self.inside.law()
 
     @cached_property
     def stress(self):
-        flux = self.cost.Diff(self.slope)
-        square = ngs.InnerProduct(flux * self.metric, flux) / self.root
-        mean = ngs.Integrate(square.Compile() * self.dx, self.mesh) / self.area
+        """Root mean square over the surface of the derivative of the cost by ∇ψ."""
+        flux = self.cost[1].reshape(-1, 2, 2)
+        c11, c22, c12 = self.inside.strain.T
+        one, other = flux[:, :, 0], flux[:, :, 1]
+        square = c11[:, None] * one**2 + c22[:, None] * other**2 + 2 * c12[:, None] * one * other
+        mean = self.flat_areas @ (square.sum(axis=1) / self.inside.stretch) / self.area
         return max(float(np.sqrt(mean)), ROUND_OFF * self.size)
-
-    @property
-    def tolerance(self):
-        """An interior point ends with stationarity and all c z − μ below μ, per area."""
-        if not self.slacks:
-            return AT_REST
-        return float(np.sqrt(1 + (1 + RIM_SHARE) * len(self.slacks)) * self.mu / self.stress)
-
-    @property
-    def richer_tolerance(self):
-        """A Chebyshev net has no stress but the error of the mesh."""
-        return RESOLVED * max(1.0, self.size / self.stress)
 
     def tests(self):
         """The fields of the `Certificate` that are found here."""
-        residual, v = self.remainder(self.order)
-        richer, _ = self.remainder(self.order + 1)
-        hessian, norm = self.pencil(v)
-        in_sight = self.in_sight(hessian) if self.scene.cost and not self.slacks else None
+        stress = self.stress
+        found = {
+            "stress": stress,
+            "barrier": self.mu,
+            "stationarity_tolerance": self._achieved / stress if self.limits else AT_REST,
+            # A Chebyshev net has no stress but the error of the mesh.
+            "richer_tolerance": RESOLVED * max(1.0, self.size / stress),
+            "curvature_tolerance": FLAT * stress,
+        }
+        return found | self._about_psi() if self.interior else found
+
+    @property
+    def _achieved(self):
+        """An interior point ends with stationarity and all c z − μ below μ, per area."""
+        return float(np.sqrt(1 + (1 + RIM_SHARE) * len(self.limits[0].values)) * self.mu)
+
+    def _about_psi(self):
+        residual, v = self.remainder(self.patch.order)
+        richer, _ = self.remainder(self.patch.order + 1)
+        pencil = Pencil(self, v)
         flips = [(0, 0), (1, 0), (0, 1), (1, 1)] if self.scene.symmetric else [(0, 0)]
-        own, *others = (
-            least_eigenvalue(hessian, norm, self.free(self.order, each), self.inverse)
-            for each in flips
-        )
+        own, *others = (pencil.least_eigenvalue(each) for each in flips)
         return {
             "stationarity": residual / self.stress,
             "stationarity_richer": richer / self.stress,
             "curvature": own,
             "asymmetric_curvature": min(others, default=None),
-            "in_sight": in_sight,
+            "in_sight": pencil.in_sight() if self.scene.cost and not self.limits else None,
+            "barrier_strain": pencil.barrier_strain() if self.limits else 0.0,
         }
-
-    def space(self, order, flips=(0, 0)):
-        """ψ and, with limits, v; the mirrors hold what is odd across them.
-
-        Component i is odd across mirror i and even across the other; a flip turns both round. The
-        four pairs of flips are the four symmetries of a change of a symmetric patch, and the
-        Hessian does not mix them.
-        """
-
-        def held(i, rim=()):
-            odd = [f"mirror{j + 1}" for j in (0, 1) if (i == j) != bool(flips[j])]
-            return "|".join([*rim, *(odd if self.scene.symmetric else [])])
-
-        spaces = [ngs.H1(self.mesh, order=order, dirichlet=held(i)) for i in (0, 1)]
-        if self.scene.in_equilibrium:
-            degree = self.settings["multiplier_order"]
-            spaces += [ngs.H1(self.mesh, order=degree, dirichlet=held(i, ["rim"])) for i in (0, 1)]
-        return ngs.FESpace(spaces)
-
-    def free(self, order, flips=(0, 0)):
-        """Degrees of freedom to solve for; of a component held nowhere, all but one vertex."""
-        space = self.space(order, flips)
-        free = ngs.BitArray(space.FreeDofs())
-        for i in (0, 1):
-            if space.components[i].FreeDofs().NumSet() == space.components[i].ndof:
-                free.Clear(space.Range(i).start)
-        return free
 
     def remainder(self, order):
         """The least of |dL|² + Σ ∫ (c z − μ)² dA over all v and z, its root per √area; and v.
@@ -175,128 +118,231 @@ class _StationaryPoint:
         The first norm is dual to the H¹ seminorm over ψ of that order. With z = μ/c + ∇c·w/c² the
         solution w is what would have to be gained: c z alone may be off by μ at the solver's end.
         """
-        space = self.space(order)
-        trial, test = space.TnT()
-        here, there = gradient(*trial[:2]), gradient(*test[:2])
-        matrix, force = ngs.BilinearForm(space), ngs.LinearForm(space)
-        force += self.cost.Diff(self.slope, there).Compile() * self.dx
-        for c in self.slacks:
-            along, across = c.Diff(self.slope, here), c.Diff(self.slope, there)
-            for weight, integral in self.barriers:
-                force += (-self.mu * weight / c * across).Compile() * integral
-                matrix += (weight / c**2 * along * across).Compile() * integral
-        for u, v in zip(trial[:2], test[:2], strict=True):
-            matrix += self.seminorm(u, v)
-        if self.scene.in_equilibrium:
-            matrix += self.equilibrium(trial, test)
-        force.Assemble(), matrix.Assemble()
-        solution = ngs.GridFunction(space)
-        solution.vec.data = matrix.mat.Inverse(self.free(order), inverse=self.inverse) * force.vec
-        square = ngs.InnerProduct(force.vec, solution.vec) / self.area
-        solution.vec.data = -1 * solution.vec
-        return float(np.sqrt(max(square, 0.0))), solution.components[2:]
+        system = System(self, order)
+        force = system.load(self.inside, self.flat_areas[:, None] * self.cost[1])
+        tangents = [self.flat_areas[:, None, None] * self.inside.seminorm(), 0.0]
+        for number, limits in enumerate(self.limits):
+            ratios = limits.slopes / limits.values[:, :, None]
+            weighted = limits.weights[:, None] * ratios
+            force -= self.mu * system.load(limits.points, weighted.sum(axis=0))
+            tangents[number] = tangents[number] + np.einsum("sni,snj->nij", weighted, ratios)
+        solution = system.solved(system.matrix(*tangents), force)
+        square = force @ solution / self.area
+        return float(np.sqrt(max(square, 0.0))), -solution[system.psi.stop :]
 
-    def pencil(self, v):
-        """The matrices [[H, Aᵀ], [A, 0]] and [[M, 0], [0, 0]]: H Hessian of L, A equilibrium."""
-        space = self.space(self.order)
-        trial, test = space.TnT()
-        hessian, norm = ngs.BilinearForm(space), ngs.BilinearForm(space)
-        densities = [(self.cost, self.dx)]
-        if self.scene.in_equilibrium:
-            densities.append((self.work(v), self.dx))
-            hessian += self.equilibrium(trial, test)
-        for c in self.slacks:
-            densities += [(-self.mu * w * ngs.log(c), integral) for w, integral in self.barriers]
-        for density, integral in densities:
-            change = density.Diff(self.slope, gradient(*trial[:2]))
-            hessian += change.Diff(self.slope, gradient(*test[:2])).Compile() * integral
-        for u, v in zip(trial[:2], test[:2], strict=True):
-            norm += self.seminorm(u, v)
-        return hessian.Assemble().mat, norm.Assemble().mat
 
-    def in_sight(self, hessian):
+class _Limits:
+    """All slacks at some of the points where limits are imposed, with their weights there."""
+
+    def __init__(self, points, weights):
+        self.points, self.weights = points, weights
+        limits = points.patch.scene.constraints
+        self.values, self.slopes, self.bends = points.functions(
+            lambda cloth: [slack for limit in limits for slack in limit.slacks(cloth)]
+        )
+
+
+class System:
+    """Forms in ψ of an order, and v, as vectors and sparse matrices.
+
+    Attributes
+    ----------
+    psi : slice
+        Where ψ is among the unknowns; v follows, in scenes that are held to equilibrium.
+    size : int
+    """
+
+    def __init__(self, point, order):
+        self._point, patch = point, point.patch
+        self._space = Space(patch.triangles, order)
+        self.psi, self.size = slice(0, 2 * self._space.ndof), 2 * self._space.ndof
+        self._v = None
+        if point.scene.in_equilibrium:
+            self._v = Space(patch.triangles, point.degree)
+            self.size += 2 * self._v.ndof
+
+    def v_by_triangle(self, v):
+        """Coefficients of v, (triangles, 2, n)."""
+        return np.moveaxis(v.reshape(2, -1)[:, self._v.dofs], 0, 1)
+
+    def load(self, points, slopes):
+        """The vector of a form by Z, (n, 4), weights included."""
+        values = points.loads(self._space.order, slopes)
+        numbers = self._space.pairs[points.triangles]
+        return np.bincount(numbers.ravel(), values.ravel(), self.size)
+
+    def matrix(self, inside, beside=0.0, coupled=1.0):
+        """The matrix of forms by Z at the points inside and those beside, (n, 4, 4), weighted.
+
+        With it comes, `coupled` times, the derivative of dE[v] by ψ and v, both ways round. All
+        matrices have the same entries, some of them zero.
+        """
+        point, order = self._point, self._space.order
+        blocks = point.inside.blocks(order, order, inside)
+        if np.ndim(beside):
+            points = point.patch.beside
+            np.add.at(blocks, points.triangles, points.blocks(order, order, beside))
+        parts = [blocks.ravel(), *2 * [coupled * self._coupling]]
+        return assembled(self.size, *self._places, np.concatenate(parts))
+
+    @cached_property
+    def _coupling(self):
+        """Entries of the derivative of dE[v] by ψ and v."""
+        point = self._point
+        if self._v is None:
+            return np.empty(0)
+        tangent = point.flat_areas[:, None, None] * point.energy[2]
+        return point.inside.blocks(self._space.order, self._v.order, tangent).ravel()
+
+    @cached_property
+    def _places(self):
+        """Rows and columns of all entries."""
+        psi = self._space.pairs
+        pairs = [(psi, psi)]
+        if self._v is not None:
+            v = self.psi.stop + self._v.pairs
+            pairs.append((psi, v))
+        rows = [np.repeat(rows, columns.shape[1], axis=1).ravel() for rows, columns in pairs]
+        columns = [np.tile(columns, (1, rows.shape[1])).ravel() for rows, columns in pairs]
+        # The last ones both ways round.
+        return np.concatenate([*rows, *columns[1:]]), np.concatenate([*columns, *rows[1:]])
+
+    def free(self, flips=(0, 0)):
+        """The unknowns to solve for; of a component held nowhere, all but one vertex.
+
+        Component i is odd across mirror i and even across the other, and so vanishes on one of
+        them; a flip turns both round. The four pairs of flips are the four symmetries of a change
+        of a symmetric patch, and the Hessian does not mix them.
+        """
+        held = []
+        for space, rim in ((self._space, ()), (self._v, ("rim",))):
+            for i in (0, 1) if space else ():
+                odd = [f"mirror{j + 1}" for j in (0, 1) if (i == j) != bool(flips[j])]
+                held.append(space.on(*rim, *(odd if self._point.scene.symmetric else ())))
+                if not held[-1].any():
+                    held[-1][0] = True
+        return np.flatnonzero(~np.concatenate(held))
+
+    def factorised(self, matrix, free):
+        """Factors of a matrix of the free unknowns, with a little on the diagonal of v.
+
+        Where the block of ψ is positive the softened matrix is quasi-definite, and so has an LDLᵀ
+        in any order (Vanderbei, 1995).
+        """
+        from scipy.sparse import diags
+
+        on_v = free >= self.psi.stop
+        softening = SOFT * np.abs(self._coupling).max(initial=0.0)
+        return factorised(matrix - diags(softening * on_v, format="csc"))
+
+    def solved(self, matrix, load):
+        """The solution, zero where it is not free."""
+        free, solution = self.free(), np.zeros(self.size)
+        matrix, rest = matrix[free][:, free], load[free]
+        factors = self.factorised(matrix, free)
+        for _ in range(REFINEMENTS if self._v else 1):
+            solution[free] += factors.solve(rest)
+            rest = load[free] - matrix @ solution[free]
+        return solution
+
+
+class Pencil:
+    """The matrices [[H, Aᵀ], [A, 0]] and [[M, 0], [0, 0]]: H Hessian of L, A equilibrium.
+
+    Parameters
+    ----------
+    point : StationaryPoint
+    v : ndarray
+        Its multipliers of equilibrium.
+    """
+
+    def __init__(self, point, v):
+        self._point, self.system = point, System(point, point.patch.order)
+        inside, system, weights = point.inside, self.system, point.flat_areas[:, None, None]
+        tangents = [weights * point.cost[2], 0.0]
+        if v.size:
+            spread = inside.gradients(point.degree, system.v_by_triangle(v))
+            tangents[0] = tangents[0] + weights * changes.along(point.law, inside.strain, spread)
+        self._barrier = np.zeros(system.size)
+        for number, limits in enumerate(point.limits):
+            ratios = limits.slopes / limits.values[:, :, None]
+            weighted = limits.weights[:, None] * ratios
+            self._barrier += system.load(limits.points, weighted.sum(axis=0))
+            shares = point.mu * limits.weights / limits.values
+            bent = point.mu * np.einsum("sni,snj->nij", weighted, ratios)
+            tangents[number] = tangents[number] + bent
+            tangents[number] -= np.einsum("sn,snij->nij", shares, limits.bends)
+        # A cost's unit is that of L.
+        self.hessian = system.matrix(*tangents, coupled=point.size)
+        self.norm = system.matrix(weights * inside.seminorm(), coupled=0.0)
+
+    def least_eigenvalue(self, flips=(0, 0)):
+        """The smallest finite eigenvalue on changes of one symmetry, by Lanczos iteration.
+
+        It is about a shift below all: eigenvalues below the shift would show as pivots. Then the
+        shift moves down.
+        """
+        free = self.system.free(flips)
+        hessian, norm = (matrix[free][:, free] for matrix in (self.hessian, self.norm))
+        held = int((free >= self.system.psi.stop).sum())
+        shift, shifted = -FLAT * self._point.stress, hessian.copy()
+        while True:
+            shifted.data = hessian.data - shift * norm.data
+            factors = self.system.factorised(shifted, free)
+            if negative_pivots(factors) <= held:
+                ritz = lanczos(factors.solve, lambda x: norm @ x, len(free))
+                return float(shift + 1 / ritz[-1])
+            shift *= 4
+
+    def in_sight(self):
         """What the cost may still fall by, over itself: dᵀHd/2 of the Newton step d in equilibrium.
 
         A cost that falls for ever, as the patch shrinks, has forces that vanish with it.
         """
-        space = self.space(self.order)
-        force, step = ngs.LinearForm(space), ngs.GridFunction(space)
-        force += self.cost.Diff(self.slope, gradient(*space.TestFunction()[:2])).Compile() * self.dx
-        force.Assemble()
-        step.vec.data = hessian.Inverse(self.free(self.order), inverse=self.inverse) * force.vec
-        falls = abs(ngs.InnerProduct(force.vec, step.vec)) / 2
-        cost = ngs.Integrate(self.cost.Compile() * self.dx, self.mesh)
-        return float(falls / (abs(cost) + ROUND_OFF**2 * self.size * self.area))
+        point = self._point
+        force = self.system.load(point.inside, point.flat_areas[:, None] * point.cost[1])
+        falls = abs(force @ self.system.solved(self.hessian, force)) / 2
+        cost = point.flat_areas @ point.cost[0]
+        return float(falls / (abs(cost) + ROUND_OFF**2 * point.size * point.area))
 
-    def seminorm(self, u, v):
-        """The H¹ seminorm on the surface, ∫ √det a a^{αβ} ∂αu ∂βv."""
-        weight = ngs.Cof(self.metric) / self.root
-        return (weight * ngs.grad(u)) * ngs.grad(v) * self.dx
-
-    def work(self, v):
-        """The density of dE[v], over kc."""
-        return self.energy.Diff(self.slope, gradient(*v))
-
-    def equilibrium(self, trial, test):
-        """The derivative of dE[v] by ψ and v, both ways round."""
-        upper = self.work(trial[2:]).Diff(self.slope, gradient(*test[:2]))
-        lower = self.work(test[2:]).Diff(self.slope, gradient(*trial[:2]))
-        return (upper + lower).Compile() * self.dx
+    def barrier_strain(self):
+        """How far the barrier keeps the cloth from its optimum: μ dψ/dμ, as strain, its rms."""
+        change = self._point.mu * self.system.solved(self.hessian, self._barrier)
+        return float(np.sqrt(change @ (self.norm @ change) / self._point.area))
 
 
-def least_eigenvalue(hessian, norm, free, inverse):
-    """The smallest finite eigenvalue of a pencil, by Lanczos iteration about a shift below it.
-
-    NGSolve's own Arnoldi solver returns the eigenvalues nearest to a shift and would not tell
-    that there are others below it. Here they show, and the shift moves down.
-    """
-    shift = -1.0
-    while True:
-        shifted = hessian.CreateMatrix()
-        shifted.AsVector().data = hessian.AsVector() - shift * norm.AsVector()
-        ritz, _ = lanczos(shifted.Inverse(free, inverse=inverse).Mult, norm)
-        if not ritz[0] < -ROUND_OFF * np.abs(ritz).max():
-            return float(shift + 1 / ritz[-1])
-        shift = 4 * min(shift, shift + 1 / ritz[0])
-
-
-def lanczos(solve, norm):
-    """Eigenvalues, ascending, of inverse · norm on a Krylov space, and the vector of the last.
+def lanczos(solve, norm, size):
+    """Eigenvalues, ascending, of inverse · norm on a Krylov space.
 
     Parameters
     ----------
-    solve : callable
-        Writes inverse · load to `out`: ``solve(load, out)``.
-    norm : BaseMatrix
-        Positive semidefinite.
+    solve, norm : callable
+        The inverse and the norm, positive semidefinite, times a vector.
+    size : int
+        Of vectors.
 
     Returns
     -------
-    values, vector : ndarray
+    ndarray
     """
-    given, image = norm.CreateRowVector(), norm.CreateRowVector()
-
-    def times(multiply, vector):
-        given.FV().NumPy()[:] = vector
-        multiply(given, image)
-        return image.FV().NumPy().copy()
-
-    start = np.random.default_rng(0).standard_normal(len(given))
-    vector = times(solve, times(norm.Mult, start))
-    basis, duals, diagonal, beside = [], [], [], []
+    start = np.random.default_rng(0).standard_normal(size)
+    vector = solve(norm(start))
+    basis, duals, diagonal, beside, values = [], [], [], [], np.zeros(1)
     for _ in range(KRYLOV):
-        dual = times(norm.Mult, vector)
-        size = np.sqrt(max(vector @ dual, 0.0))
-        if size <= 1e-13 * (beside[0] if beside else 0.0) or not np.isfinite(size):
+        dual = norm(vector)
+        length = np.sqrt(max(vector @ dual, 0.0))
+        if length <= 1e-13 * (beside[0] if beside else 0.0) or not np.isfinite(length):
             break
-        beside.append(size)
-        basis.append(vector / size), duals.append(dual / size)
-        vector = times(solve, duals[-1])
+        beside.append(length)
+        basis.append(vector / length), duals.append(dual / length)
+        vector = solve(duals[-1])
         diagonal.append(vector @ duals[-1])
         for _ in range(2):
             vector = vector - np.array(basis).T @ (np.array(duals) @ vector)
-    matrix = np.diag(diagonal)
-    for k, (_, size) in enumerate(pairwise(beside)):
-        matrix[k, k + 1] = matrix[k + 1, k] = size
-    values, vectors = np.linalg.eigh(matrix)
-    return values, np.array(basis).T @ vectors[:, -1]
+        matrix = np.diag(diagonal)
+        for k, (_, size) in enumerate(pairwise(beside)):
+            matrix[k, k + 1] = matrix[k + 1, k] = size
+        before, values = values[-1], np.linalg.eigvalsh(matrix)
+        if abs(values[-1] - before) <= SURE * abs(values[-1]):
+            break
+    return values

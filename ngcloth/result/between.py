@@ -1,0 +1,136 @@
+"""Do limits hold, and is J > 0, between the points too? Proofs by Bernstein coefficients.
+
+On the reference triangle ψ is a polynomial of degree p, and with it ψ's derivatives by ξ and η, the
+threads' directions t1 = (∂ηψ2, −∂ξψ2) and t2 = (−∂ηψ1, ∂ξψ1) there, and their J. Of the metric
+â = Fᵀ a F by ξ and η, then
+
+    λ1² = â(t1, t1) / J²,   λ2² = â(t2, t2) / J²,   γ² = â(t1, t2)² / (â(t1, t1) â(t2, t2)),
+
+which are ratios of polynomials if â is one. A ratio lies above the least ratio of Bernstein
+coefficients, and parts of a triangle have closer ones (Farouki, 2012).
+
+â is interpolated by a polynomial of degree 2 (p − 1), or 4 to `HIGHEST`. What that leaves out is
+not bounded but measured, over a lattice of twice its degree, and `SAFETY` times as much taken off
+all bounds: that is the one part of them that is not proven.
+"""
+
+import ngsolve as ngs
+import numpy as np
+
+from .bernstein import basis, corners, derivatives, fit, halves, lattice, product, raised
+
+LOWEST, HIGHEST = 4, 8  # degree of the metric's interpolation
+SAFETY = 2  # times the error of that between the points where it was measured
+HALVINGS = 8  # of a triangle, at most
+
+
+class Between:
+    """The stretches and the shear of a patch everywhere.
+
+    Parameters
+    ----------
+    patch : Patch
+
+    Attributes
+    ----------
+    error : float
+        Of the metric's interpolation, relative to the metric, `SAFETY` included.
+    """
+
+    def __init__(self, patch):
+        self.triangles, self._sheet = patch.triangles, patch.sheet
+        self._degree = patch.order - 1
+        (a, b), (c, d) = np.einsum("tin,xmn->ixtm", patch.psi, derivatives(patch.order))
+        both = self._degree, self._degree
+        self._area = product(a, d, both) - product(b, c, both)
+        self._threads = (d, -c), (-b, a)
+        self._metric_degree = int(np.clip(2 * self._degree, LOWEST, HIGHEST))
+        self._sample_metric()
+
+    def _sample_metric(self):
+        """Interpolate the metric, and measure what that leaves out."""
+        degree, triangles = self._metric_degree, self.triangles
+        fine = lattice(2 * degree)
+        expressions = ngs.CF((self._sheet.metric, ngs.specialcf.JacobianMatrix(2))).Compile()
+        values = expressions(triangles.at_lattice(2 * degree)).reshape(len(triangles), -1, 2, 2, 2)
+        element = values[:, :, 1]
+        metric = element.swapaxes(2, 3) @ values[:, :, 0] @ element
+        metric = np.moveaxis(metric[:, :, [0, 0, 1], [0, 1, 1]], 2, 0)
+        known = (np.rint(2 * degree * fine).astype(int) % 2 == 0).all(axis=1)
+        self._metric = metric[:, :, known] @ fit(degree).T
+        off = metric - self._metric @ basis(degree, fine).T
+        # The largest change of a length: the spectral radius of â⁻¹ δâ, below its Frobenius norm.
+        (a11, a12, a22), (d11, d12, d22) = metric, off
+        rows = (
+            a22 * d11 - a12 * d12,
+            a22 * d12 - a12 * d22,
+            a11 * d12 - a12 * d11,
+            a11 * d22 - a12 * d12,
+        )
+        size = np.sqrt(sum(row**2 for row in rows)) / (a11 * a22 - a12**2)
+        self.error = SAFETY * float(size.max())
+        flat = self._area @ basis(2 * self._degree, fine).T
+        jacobians = flat / (
+            element[:, :, 0, 0] * element[:, :, 1, 1] - element[:, :, 0, 1] * element[:, :, 1, 0]
+        )
+        self.jacobian = float(jacobians.min())
+
+    def unfolded(self):
+        """Whether J > 0 on all of every triangle, straight or curved."""
+        ones = np.ones_like(self._area)
+        return least_ratio(self._area, ones, 2 * self._degree, 0.0)[0] > 0
+
+    def products(self):
+        """â(t1, t1), â(t2, t2), â(t1, t2) and J², of one degree, which comes last."""
+        degree, metric = self._degree, self._metric_degree
+        both, highest = (degree, degree), max(2 * degree + metric, 4 * degree)
+
+        def measured(s, t):
+            mixed = product(s[0], t[1], both) + product(s[1], t[0], both)
+            terms = product(s[0], t[0], both), mixed, product(s[1], t[1], both)
+            whole = sum(
+                product(a, term, (metric, 2 * degree))
+                for a, term in zip(self._metric, terms, strict=True)
+            )
+            return raised(whole, metric + 2 * degree, highest)
+
+        one, other = self._threads
+        square = raised(product(self._area, self._area, (2 * degree,) * 2), 4 * degree, highest)
+        return measured(one, one), measured(other, other), measured(one, other), square, highest
+
+
+def least_ratio(above, below, degree, enough):
+    """A lower bound of a ratio of polynomials on triangles.
+
+    Parameters
+    ----------
+    above, below : ndarray, (triangles, n)
+        Bernstein coefficients of numerator and denominator; the latter is > 0, if not all its
+        coefficients are.
+    degree : int
+        Of both.
+    enough : float
+        Triangles are halved until their bounds are above, unless the ratio itself is not.
+
+    Returns
+    -------
+    bound : float
+        −inf where no bound is found.
+    halvings : int
+        How often the worst triangles were halved.
+    """
+    bound, at_corners = np.inf, corners(degree)
+    for number in range(HALVINGS + 1):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratios = above / below
+        bounds = np.where(below.min(axis=1) > 0, ratios.min(axis=1), -np.inf)
+        less = ~(bounds >= enough)
+        hopeless = less & (ratios[:, at_corners].min(axis=1) < enough)
+        if number == HALVINGS or hopeless.any() or not less.any():
+            break
+        bound = min(bound, bounds[~less].min(initial=np.inf))
+        above, below = (
+            np.concatenate([part[less] @ half.T for half in halves(degree)])
+            for part in (above, below)
+        )
+    return float(min(bound, bounds.min(initial=np.inf))), number

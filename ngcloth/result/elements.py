@@ -1,0 +1,141 @@
+"""Finite elements by NumPy and SciPy: continuous piecewise polynomials, their sparse matrices.
+
+A certificate shares with the solver neither spaces nor assembly nor factorisations.
+"""
+
+from functools import cached_property
+
+import ngsolve as ngs
+import numpy as np
+
+from . import bernstein
+
+SIDES = ((0, 1), (1, 2), (2, 0))  # of a triangle, by its corners
+
+
+class Triangles:
+    """Which triangles, sides and vertices of a mesh meet.
+
+    Parameters
+    ----------
+    mesh : ngsolve.Mesh
+        Of triangles.
+
+    Attributes
+    ----------
+    vertices : ndarray, (triangles, 3)
+        Their numbers.
+    sides : ndarray, (triangles, 3)
+        Numbers of their `SIDES`.
+    """
+
+    def __init__(self, mesh):
+        self.mesh = mesh
+        self.vertices = mesh.ngmesh.Elements2D().NumPy()["nodes"][:, :3].astype(np.int64) - 1
+        self._sides, numbers = np.unique(
+            self._key(self.vertices[:, SIDES]).ravel(), return_inverse=True
+        )
+        self.sides = numbers.reshape(-1, 3)
+
+    def __len__(self):
+        return len(self.vertices)
+
+    def _key(self, pairs):
+        """One number for two vertices, (..., 2)."""
+        return pairs.min(axis=-1) * self.mesh.nv + pairs.max(axis=-1)
+
+    def boundary(self, *names):
+        """The numbers of the sides on boundaries of these names."""
+        edges = self.mesh.ngmesh.Elements1D().NumPy()
+        known = np.array([name in names for name in self.mesh.GetBoundaries()], dtype=bool)
+        chosen = edges["nodes"][known[edges["index"] - 1], :2].astype(np.int64) - 1
+        return np.searchsorted(self._sides, self._key(chosen))
+
+    def touching(self, sides):
+        """Triangle and number among its `SIDES` of each that is in `sides`, both (n,)."""
+        return np.nonzero(np.isin(self.sides, sides))
+
+    def mapped(self, triangles, reference):
+        """Mesh points of NGSolve at reference points (n, 2) of triangles (n,)."""
+        rule = ngs.IntegrationRule([(0.0, 0.0)], [0.0])
+        points = self.mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)[triangles]
+        points["x"], points["y"] = np.transpose(reference)
+        return points
+
+    def at_lattice(self, degree):
+        """Mesh points at the `lattice` of each triangle, one triangle after another."""
+        points = bernstein.lattice(degree)
+        numbers = np.repeat(np.arange(len(self)), len(points))
+        return self.mapped(numbers, np.tile(points, (len(self), 1)))
+
+
+class Space:
+    """Continuous functions that are polynomials of one order on each triangle.
+
+    Attributes
+    ----------
+    dofs : ndarray, (triangles, n)
+        The numbers of their Bernstein coefficients; neighbours share those of a side.
+    ndof : int
+    """
+
+    def __init__(self, triangles, order):
+        self.order, self._triangles = order, triangles
+        alphas, vertices = bernstein.exponents(order), triangles.vertices
+        first, more = triangles.mesh.nv, order - 1
+        self.dofs = np.empty((len(triangles), len(alphas)), dtype=np.int64)
+        self.dofs[:, bernstein.corners(order)] = vertices
+        for side, (a, b) in enumerate(SIDES):
+            inside = np.flatnonzero(
+                (alphas[:, a] > 0) & (alphas[:, b] > 0) & (alphas[:, 3 - a - b] == 0)
+            )
+            rises = vertices[:, a] < vertices[:, b]
+            along = np.where(rises[:, None], alphas[inside, a], alphas[inside, b])
+            self.dofs[:, inside] = first + more * triangles.sides[:, [side]] + along - 1
+        self._first_on_sides = first
+        first += more * (triangles.sides.max() + 1)
+        inside = np.flatnonzero((alphas > 0).all(axis=1))
+        numbers = np.arange(len(triangles) * len(inside)).reshape(len(triangles), -1)
+        self.dofs[:, inside] = first + numbers
+        self.ndof = first + numbers.size
+
+    def on(self, *names):
+        """Which functions do not vanish on boundaries of these names, (ndof,) bool."""
+        there = np.zeros(self.ndof, dtype=bool)
+        sides, alphas = self._triangles.boundary(*names), bernstein.exponents(self.order)
+        triangles, number = self._triangles.touching(sides)
+        for side, (a, b) in enumerate(SIDES):
+            on_side = alphas[:, 3 - a - b] == 0
+            there[self.dofs[np.ix_(triangles[number == side], on_side)]] = True
+        return there
+
+    @cached_property
+    def pairs(self):
+        """Numbers of the coefficients of two functions, (triangles, 2 n)."""
+        return np.concatenate([self.dofs, self.ndof + self.dofs], axis=1)
+
+
+def assembled(size, rows, columns, values):
+    """The sparse square matrix with these entries; those at one place are summed."""
+    from scipy.sparse import coo_matrix  # takes time, and sets filters of warnings
+
+    return coo_matrix((values, (rows, columns)), shape=(size, size)).tocsc()
+
+
+def factorised(matrix):
+    """SciPy's LU of a symmetric matrix with pivots from its diagonal alone: LDLᵀ.
+
+    Raises
+    ------
+    RuntimeError
+        If a pivot is zero.
+    """
+    from scipy.sparse.linalg import splu
+
+    symmetric = {"SymmetricMode": True}
+    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
+
+
+def negative_pivots(factors):
+    """How many eigenvalues of a factorised symmetric matrix are negative (Sylvester's law)."""
+    return int((factors.U.diagonal() < 0).sum())

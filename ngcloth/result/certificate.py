@@ -14,6 +14,7 @@ from ..problem.constraints import Elongation, Obstacle, ShearLimit
 from ..problem.kinematics import Kinematics, gradient
 from .bernstein import basis, lattice, product
 from .between import Between, least_ratio
+from .equilibrium import equilibrium_residual
 from .patch import Patch
 from .stationarity import StationaryPoint
 
@@ -227,7 +228,7 @@ def verify(result):
         jacobian=between.jacobian,
         unfolded=between.jacobian > 0 and between.unfolded(),
         overlap=crossing(*_outlines(result)),
-        equilibrium=result.equilibrium_residual if result.scene.in_equilibrium else None,
+        equilibrium=equilibrium_residual(patch) if result.scene.in_equilibrium else None,
         one_of_many=result.scene.net_choice > 0,
         **found,
     )

@@ -55,6 +55,27 @@ class Triangles:
         """Triangle and number among its `SIDES` of each that is in `sides`, both (n,)."""
         return np.nonzero(np.isin(self.sides, sides))
 
+    @cached_property
+    def ranks(self):
+        """In which order to eliminate what belongs to each vertex, side and triangle, (n,).
+
+        Minimum degree is sought among these, and not among many unknowns of each; it takes a tenth
+        of the time, and those of one stay together.
+        """
+        from scipy.sparse import coo_matrix, eye
+        from scipy.sparse.linalg import splu
+
+        vertices, sides = self.mesh.nv, len(self._sides)
+        of_triangle = np.arange(len(self))[:, None]
+        parts = [self.vertices, vertices + self.sides, vertices + sides + of_triangle]
+        parts = np.concatenate(parts, axis=1)
+        n, size = parts.shape[1], vertices + sides + len(self)
+        rows, columns = np.repeat(parts, n, axis=1).ravel(), np.tile(parts, (1, n)).ravel()
+        graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(size, size))
+        matrix = (graph + 100.0 * size * eye(size)).tocsc()
+        symmetric = {"SymmetricMode": True}
+        return splu(matrix, permc_spec="MMD_AT_PLUS_A", options=symmetric).perm_c
+
     def mapped(self, triangles, reference):
         """Mesh points of NGSolve at reference points (n, 2) of triangles (n,)."""
         rule = ngs.IntegrationRule([(0.0, 0.0)], [0.0])
@@ -84,6 +105,7 @@ class Space:
         alphas, vertices = bernstein.exponents(order), triangles.vertices
         first, more = triangles.mesh.nv, order - 1
         self.dofs = np.empty((len(triangles), len(alphas)), dtype=np.int64)
+        parts = [np.arange(first)]  # to which each belongs: vertices, then sides, then triangles
         self.dofs[:, bernstein.corners(order)] = vertices
         for side, (a, b) in enumerate(SIDES):
             inside = np.flatnonzero(
@@ -92,12 +114,20 @@ class Space:
             rises = vertices[:, a] < vertices[:, b]
             along = np.where(rises[:, None], alphas[inside, a], alphas[inside, b])
             self.dofs[:, inside] = first + more * triangles.sides[:, [side]] + along - 1
-        self._first_on_sides = first
+        parts.append(first + np.repeat(np.arange(triangles.sides.max() + 1), more))
         first += more * (triangles.sides.max() + 1)
         inside = np.flatnonzero((alphas > 0).all(axis=1))
         numbers = np.arange(len(triangles) * len(inside)).reshape(len(triangles), -1)
         self.dofs[:, inside] = first + numbers
         self.ndof = first + numbers.size
+        before = triangles.mesh.nv + triangles.sides.max() + 1
+        parts.append(before + np.repeat(np.arange(len(triangles)), len(inside)))
+        self._parts = np.concatenate(parts)
+
+    @property
+    def ranks(self):
+        """In which order to eliminate the unknowns, (ndof,), with ties."""
+        return self._triangles.ranks[self._parts]
 
     def on(self, *names):
         """Which functions do not vanish on boundaries of these names, (ndof,) bool."""
@@ -123,7 +153,7 @@ def assembled(size, rows, columns, values):
 
 
 def factorised(matrix):
-    """SciPy's LU of a symmetric matrix with pivots from its diagonal alone: LDLᵀ.
+    """SciPy's LU of a symmetric matrix with pivots from its diagonal alone, in its order: LDLᵀ.
 
     Raises
     ------
@@ -133,7 +163,7 @@ def factorised(matrix):
     from scipy.sparse.linalg import splu
 
     symmetric = {"SymmetricMode": True}
-    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
+    return splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=symmetric)
 
 
 def negative_pivots(factors):

@@ -4,26 +4,23 @@ import numpy as np
 
 from . import changes
 from .elements import Space, assembled, factorised
-from .patch import Patch
 
 LITTLE = 1e-2  # of the mean square of ψ, over the area, in the norm
 FINER = 4  # degrees by which the integration rule is richer than the solver's
 
 
-def equilibrium_residual(result):
+def equilibrium_residual(patch):
     """The force on the cloth inside the rim over that with the rim included, in a dual norm.
 
     Parameters
     ----------
-    result : Result
-        Converged or not.
+    patch : Patch
 
     Returns
     -------
     float
         See `Result.equilibrium_residual`.
     """
-    patch = Patch(result)
     points, order = patch.by_rule(patch.degree + FINER), patch.order + 1
     space, flat = Space(patch.triangles, order), points.flat_areas()
     density, slopes, bends, _ = points.law()
@@ -48,6 +45,7 @@ def equilibrium_residual(result):
 
     def dual_norm(free):
         free = np.flatnonzero(np.concatenate(free))
+        free = free[np.argsort(np.tile(space.ranks, 2)[free], kind="stable")]
         square = force[free] @ factorised(norm[free][:, free]).solve(force[free])
         return np.sqrt(max(square, 0.0))
 

@@ -14,6 +14,7 @@ from ..problem.kinematics import Kinematics, gradient
 from ..problem.scene import Scene
 from .equilibrium import equilibrium_residual
 from .history import Reason
+from .patch import Patch
 from .taken_away import TakenAway
 
 
@@ -288,7 +289,7 @@ class Result(TakenAway):
         below 1e-9 count as none. Where the rim carries no force either, as without active limits,
         the ratio says little.
         """
-        return equilibrium_residual(self)
+        return equilibrium_residual(Patch(self))
 
     def certificate(self):
         """Check this result from its ψ alone, see `ngcloth.verify`.

@@ -15,7 +15,7 @@ ROUND_OFF = 1e-9  # stress over kc that counts as none
 RESOLVED = 0.05  # of the stress, or of kc: what a richer space may find unbalanced
 FLAT = 1e-2  # of the stress: curvature that counts as zero
 SOFT = 1e-10  # on the diagonal of v, over what couples it to ψ, for lack of pivoting
-REFINEMENTS = 3  # that undo this
+REFINEMENTS = 4  # that undo this, or a shift
 KRYLOV = 30
 SURE = 1e-4  # of an eigenvalue: the change at which a Lanczos iteration ends
 
@@ -208,7 +208,9 @@ class System:
         return np.concatenate([*rows, *columns[1:]]), np.concatenate([*columns, *rows[1:]])
 
     def free(self, flips=(0, 0)):
-        """The unknowns to solve for; of a component held nowhere, all but one vertex.
+        """The unknowns to solve for, as they are eliminated.
+
+        Of a component held nowhere all but one vertex are.
 
         Component i is odd across mirror i and even across the other, and so vanishes on one of
         them; a flip turns both round. The four pairs of flips are the four symmetries of a change
@@ -221,7 +223,9 @@ class System:
                 held.append(space.on(*rim, *(odd if self._point.scene.symmetric else ())))
                 if not held[-1].any():
                     held[-1][0] = True
-        return np.flatnonzero(~np.concatenate(held))
+        free = np.flatnonzero(~np.concatenate(held))
+        ranks = np.concatenate([s.ranks for s in (self._space, self._v) if s for _ in (0, 1)])
+        return free[np.argsort(ranks[free], kind="stable")]
 
     def factorised(self, matrix, free):
         """Factors of a matrix of the free unknowns, with a little on the diagonal of v.
@@ -238,12 +242,17 @@ class System:
     def solved(self, matrix, load):
         """The solution, zero where it is not free."""
         free, solution = self.free(), np.zeros(self.size)
-        matrix, rest = matrix[free][:, free], load[free]
-        factors = self.factorised(matrix, free)
-        for _ in range(REFINEMENTS if self._v else 1):
-            solution[free] += factors.solve(rest)
-            rest = load[free] - matrix @ solution[free]
+        matrix = matrix[free][:, free]
+        solution[free] = refined(self.factorised(matrix, free), matrix, load[free])
         return solution
+
+
+def refined(factors, matrix, load):
+    """The solution of a system, given factors of a matrix that is nearly its own."""
+    solution = np.zeros_like(load)
+    for _ in range(REFINEMENTS):
+        solution += factors.solve(load - matrix @ solution)
+    return solution
 
 
 class Pencil:
@@ -282,6 +291,16 @@ class Pencil:
         It is about a shift below all: eigenvalues below the shift would show as pivots. Then the
         shift moves down.
         """
+        free, _, shift, factors = self._own if flips == (0, 0) else self._shifted(flips)
+        norm = self.norm[free][:, free]
+        return float(shift + 1 / lanczos(factors.solve, lambda x: norm @ x, len(free))[-1])
+
+    @cached_property
+    def _own(self):
+        return self._shifted((0, 0))
+
+    def _shifted(self, flips):
+        """The free unknowns, H on them, the shift, and factors of H less that times M."""
         free = self.system.free(flips)
         hessian, norm = (matrix[free][:, free] for matrix in (self.hessian, self.norm))
         held = int((free >= self.system.psi.stop).sum())
@@ -290,9 +309,15 @@ class Pencil:
             shifted.data = hessian.data - shift * norm.data
             factors = self.system.factorised(shifted, free)
             if negative_pivots(factors) <= held:
-                ritz = lanczos(factors.solve, lambda x: norm @ x, len(free))
-                return float(shift + 1 / ritz[-1])
+                return free, hessian, shift, factors
             shift *= 4
+
+    def _step(self, force):
+        """The change of ψ, in equilibrium, that H takes to a force."""
+        free, hessian, _, factors = self._own
+        step = np.zeros(self.system.size)
+        step[free] = refined(factors, hessian, force[free])
+        return step
 
     def in_sight(self):
         """What the cost may still fall by, over itself: dᵀHd/2 of the Newton step d in equilibrium.
@@ -301,13 +326,12 @@ class Pencil:
         """
         point = self._point
         force = self.system.load(point.inside, point.flat_areas[:, None] * point.cost[1])
-        falls = abs(force @ self.system.solved(self.hessian, force)) / 2
-        cost = point.flat_areas @ point.cost[0]
+        falls, cost = abs(force @ self._step(force)) / 2, point.flat_areas @ point.cost[0]
         return float(falls / (abs(cost) + ROUND_OFF**2 * point.size * point.area))
 
     def barrier_strain(self):
         """How far the barrier keeps the cloth from its optimum: μ dψ/dμ, as strain, its rms."""
-        change = self._point.mu * self.system.solved(self.hessian, self._barrier)
+        change = self._point.mu * self._step(self._barrier)
         return float(np.sqrt(change @ (self.norm @ change) / self._point.area))
 
 

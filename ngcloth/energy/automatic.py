@@ -5,6 +5,7 @@ from functools import cached_property
 import ngsolve as ngs
 import numpy as np
 
+from ..geometry.sheet import mesh_points
 from ..problem.kinematics import gradient
 from .constrained import ConstrainedLagrangian
 from .discretisation import of_state
@@ -21,9 +22,8 @@ class AutomaticLagrangian(ConstrainedLagrangian):
         super().__init__(*arguments)
         inside = [[self.points.field() for _ in range(3)] for _ in self.slack_names]
         on_rim = [[self.rim_points.on_edges() for _ in range(3)] for _ in self.slack_names]
-        self._numbers = inside, on_rim
-        edges = [[field for field, _ in numbers] for numbers in on_rim]
-        self._lagrangian = self.symbolic_energy(inside, edges)
+        self._numbers, self._added = (inside, on_rim), []
+        self._state_lagrangian()
 
         cloth = self._cloth
         slope, density = cloth.gradient, self._density(cloth)
@@ -84,19 +84,53 @@ class AutomaticLagrangian(ConstrainedLagrangian):
 
     # How it is put together ---------------------------------------------------------------
 
+    def _state_lagrangian(self):
+        inside, on_rim = self._numbers
+        edges = [[field for field, _ in numbers] for numbers in on_rim]
+        added = [each for each, _ in self._added]
+        self._lagrangian = self.symbolic_energy(inside, edges, added)
+
+    def _ask_at_limit_points(self):
+        """State the Lagrangian anew, with a term for each place in the reference triangle."""
+        triangles, reference = self.limit_points
+        mesh, weights = self.sheet.mesh, self.weights[self.parts[2]]
+        constants, self._added = ngs.L2(mesh, order=0), []
+        for place in np.unique(reference, axis=0):
+            there = np.flatnonzero((reference == place).all(axis=1))
+            marked = ngs.BitArray(mesh.ne)
+            marked[:] = False
+            for number in triangles[there]:
+                marked[int(number)] = True
+            weight, *fields = (
+                ngs.GridFunction(constants) for _ in range(1 + 3 * len(self.slack_names))
+            )
+            weight.vec.FV().NumPy()[triangles[there]] = weights[there]
+            numbers = [fields[i : i + 3] for i in range(0, len(fields), 3)]
+            self._added.append(((tuple(place), marked, weight, numbers), there))
+        self._state_lagrangian()
+
     def _freeze(self, z, stiffness):
         """Set c̄ to the current slacks, z and k to these, (slacks, points)."""
         here, there = self._numbers
+        inside, on_rim, added = self.parts
         for row, numbers in enumerate(zip(self.slacks(), z, stiffness, strict=True)):
             for field, (_, set_edges), values in zip(here[row], there[row], numbers, strict=True):
-                field.vec.FV().NumPy()[:] = values[self.inside]
-                set_edges(values[~self.inside])
+                field.vec.FV().NumPy()[:] = values[inside]
+                set_edges(values[on_rim])
+            for (*_, fields), which in self._added:
+                for field, values in zip(fields[row], numbers, strict=True):
+                    triangles = self.limit_points.triangles[which]
+                    field.vec.FV().NumPy()[triangles] = values[added][which]
 
     def _at_limits(self, expressions):
         if not self.slack_names:
             return np.empty((0, len(self.weights)))
-        inside, on_rim = expressions
-        return np.concatenate([self.points.sample(inside), self.rim_points.sample(on_rim)], axis=1)
+        inside, on_rim, anywhere = expressions
+        values = [self.points.sample(inside), self.rim_points.sample(on_rim)]
+        if len(self.limit_points.triangles):
+            points = mesh_points(self.sheet.mesh, *self.limit_points)
+            values.append(np.asarray(anywhere(points)).reshape(len(points), -1).T)
+        return np.concatenate(values, axis=1)
 
     @cached_property
     def _slack_values(self):
@@ -108,10 +142,11 @@ class AutomaticLagrangian(ConstrainedLagrangian):
         return self._compiled(lambda slack, slope: slack.Diff(slope, change))
 
     def _compiled(self, function):
-        """A function of slacks and ∇ψ, inside and on the rim, as expressions to sample."""
-        cloths = self._cloth, self._on_rim(*self._psi)
-        inside, on_rim = (
-            ngs.CF(tuple(function(slack, cloth.gradient) for slack in self._slacks(cloth)))
-            for cloth in cloths
-        )
-        return inside.Compile(), ngs.BoundaryFromVolumeCF(on_rim.Compile())
+        """A function of slacks and ∇ψ as expressions to sample: inside, on the rim, anywhere."""
+
+        def compiled(cloth):
+            values = (function(slack, cloth.gradient) for slack in self._slacks(cloth))
+            return ngs.CF(tuple(values)).Compile()
+
+        inside, anywhere = compiled(self._cloth), compiled(self._anywhere(*self._psi))
+        return inside, ngs.BoundaryFromVolumeCF(anywhere), anywhere

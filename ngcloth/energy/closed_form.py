@@ -7,7 +7,7 @@ from .constrained import ConstrainedLagrangian
 from .discretisation import of_state
 from .sampled_cloth import SampledCloth, SampledExpressions
 from .sampled_limits import SampledLimits
-from .sampling import Sampling, places
+from .sampling import AddedPoints, Sampling, places
 from .strain_energy import UNIT, StrainEnergy, of_flat_area
 
 
@@ -31,9 +31,9 @@ class ClosedFormLagrangian(ConstrainedLagrangian):
             self._own_cost = SampledExpressions(self._here, [self._density(self._here)])
         self._flat_weights, area = self.points.weights, self.weights[: len(self.points)]
         self._limits = [SampledLimits(self._here, self._slacks(self._here), area)]
-        if self.slack_names:
-            self._limits.append(self._limits_on_rim())
         self._matrix = self.flow.CreateMatrix()
+        if self.slack_names:
+            self._limits.append(self._limits_at(self.rim_points, self.parts[1]))
         self._places = self._places_of_blocks()
 
     def slacks(self):
@@ -74,10 +74,10 @@ class ClosedFormLagrangian(ConstrainedLagrangian):
         out : BaseVector
             Of the unknowns of `state`.
         """
-        inside, *rim = self._by_place(z)
+        inside, *others = self._by_place(z)
         limits = inside[0].slopes(*inside[1:])
         force = self._psi_force() + self._loads(inside[0], limits)
-        force += sum(self._loads(each, each.slopes(*part)) for each, *part in rim)
+        force += sum(self._loads(each, each.slopes(*part)) for each, *part in others)
         out.FV().NumPy()[:] = np.concatenate([force, self._multiplier_force()])
 
     def multiplier_force(self, out):
@@ -106,13 +106,13 @@ class ClosedFormLagrangian(ConstrainedLagrangian):
         -------
         BaseMatrix
         """
-        inside, *rim = self._by_place(z, stiffness)
+        inside, *others = self._by_place(z, stiffness)
         tangent = self._measure() * (self._cost_tangent() + self._strain.work_tangent())
         tangent += inside[0].tangent(*inside[1:])
         coupling = self._measure() * self._strain.tangent()
         blocks = [
             self._here.flat().blocks(tangent),
-            *(limits.cloth.flat().blocks(limits.tangent(*values)) for limits, *values in rim),
+            *(limits.cloth.flat().blocks(limits.tangent(*values)) for limits, *values in others),
             self._here.flat().blocks(coupling, self._strain.flat_v()),
         ]
         blocks.append(blocks[-1].transpose(0, 2, 1))
@@ -123,16 +123,23 @@ class ClosedFormLagrangian(ConstrainedLagrangian):
 
     # How it is put together ---------------------------------------------------------------
 
-    def _limits_on_rim(self):
-        sheet, points = self.sheet, self.rim_points
+    def _ask_at_limit_points(self):
+        points = AddedPoints(self.sheet.mesh, self.limit_points)
+        self._limits[2:] = [self._limits_at(points, self.parts[2])]
+        self._places = self._places_of_blocks()
+
+    def _limits_at(self, points, part):
+        sheet = self.sheet
 
         def frozen(tensor):
-            return self._frozen_symmetric(ngs.BoundaryFromVolumeCF(tensor), points)
+            on_rim = points is self.rim_points
+            tensor = ngs.BoundaryFromVolumeCF(tensor) if on_rim else tensor
+            return self._frozen_symmetric(tensor, points)
 
         tensors = frozen(sheet.metric), self.scene.fabric, lambda: frozen(sheet.curvature)
         sampling = Sampling(self.fes.components[0], points)
         cloth = SampledCloth(self.state, sampling, points, *tensors)
-        return SampledLimits(cloth, self._slacks(cloth), self.weights[len(self.points) :])
+        return SampledLimits(cloth, self._slacks(cloth), self.weights[part])
 
     def _by_place(self, *values):
         """The limits of each family of points, with its part of values (slacks, points)."""
@@ -179,7 +186,7 @@ class ClosedFormLagrangian(ConstrainedLagrangian):
         def numbers(components, dofs):
             return np.concatenate([self.fes.Range(i).start + dofs for i in components], axis=1)
 
-        psi, *rim = (numbers((0, 1), limits.cloth.psi.dofs) for limits in self._limits)
+        psi, *others = (numbers((0, 1), limits.cloth.psi.dofs) for limits in self._limits)
         v = numbers((2, 3), self._v.dofs)
-        pairs = (psi, psi), *((of_rim, of_rim) for of_rim in rim), (v, psi), (psi, v)
+        pairs = (psi, psi), *((each, each) for each in others), (v, psi), (psi, v)
         return np.concatenate([places(self._matrix, *pair) for pair in pairs])

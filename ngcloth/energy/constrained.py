@@ -1,14 +1,16 @@
 """The Lagrangian of a scene with limits: energy, equilibrium, and limits with their multipliers."""
 
 from functools import cached_property
+from itertools import pairwise
 
 import ngsolve as ngs
 import numpy as np
 
-from ..problem.constraints import RIM_SHARE
+from ..geometry.sheet import mesh_points
+from ..problem.constraints import RIM_SHARE, LimitPoints
 from ..problem.kinematics import Kinematics, gradient
 from .discretisation import Discretisation, of_state
-from .sampling import RimPoints
+from .sampling import CORNERS, RimPoints
 
 
 class ConstrainedLagrangian(Discretisation):
@@ -24,7 +26,8 @@ class ConstrainedLagrangian(Discretisation):
 
     The limits hold at points on the rim as well as inside. Where threads are taut there, and limits
     are not, the energy is too small by what the cloth gains between the rim and the first points
-    inside: an error of first order in the size of the triangles.
+    inside: an error of first order in the size of the triangles. What they miss between all these
+    points, single ones make up for: see `add_limit_points`.
 
     Parameters
     ----------
@@ -39,9 +42,11 @@ class ConstrainedLagrangian(Discretisation):
         As `flow`, for v.
     weights : ndarray, (points,)
         With which the points at which limits are sampled count in barriers: those inside, where
-        sums are integrals over the surface, and then those on the rim.
-    inside : ndarray of bool, (points,)
-        Which of these points are not on the rim.
+        sums are integrals over the surface, those on the rim, and those that were added.
+    parts : list of slice
+        Which of these points are inside, on the rim, and added.
+    limit_points : LimitPoints
+        Those that were added, none at first.
     slack_names : list of str
         The limit to which each slack belongs.
     rim_points : RimPoints
@@ -69,7 +74,7 @@ class ConstrainedLagrangian(Discretisation):
             length = self.rim_points.weights * self.rim_points.sample(_stretch_along_rim(metric))[0]
             self._rim_share = RIM_SHARE * self.area / length.sum()
             self.weights = np.concatenate([self.weights, self._rim_share * length])
-        self.inside = np.arange(len(self.weights)) < len(self.points)
+        self._rule_weights = self.weights
 
         self.psi_dofs = slice(0, self.fes.Range(1).stop)
         self.multiplier_flow = self._h1_matrix(2)
@@ -79,7 +84,66 @@ class ConstrainedLagrangian(Discretisation):
         self._v_riesz = self.multiplier_flow.Inverse(v, inverse="sparsecholesky")
         self._force, self._rest = (self.state.vec.CreateVector() for _ in range(2))
 
-    def symbolic_energy(self, inside, on_rim):
+    @property
+    def parts(self):  # noqa: D102
+        ends = 0, len(self.points), len(self._rule_weights), len(self.weights)
+        return [slice(*pair) for pair in pairwise(ends)]
+
+    def add_limit_points(self, added):
+        """Ask limits at more points, which come last and in this order; those it has are left out.
+
+        Parameters
+        ----------
+        added : LimitPoints
+            In any order.
+
+        Notes
+        -----
+        In barriers a point counts as the mean one of the rule in its triangle does.
+        """
+        self.limit_points = self.limit_points.joined(added)
+        inside = self.weights[self.parts[0]].reshape(self.sheet.mesh.ne, -1).mean(axis=1)
+        weights = inside[self.limit_points.triangles]
+        self.weights = np.concatenate([self._rule_weights, weights])
+        self._ask_at_limit_points()
+
+    def rim_vertices(self):
+        """The corners on the rim of all triangles, `LimitPoints`.
+
+        Triangles that touch the rim in one point have no edge there whose points would be asked.
+        """
+        mesh = self.sheet.mesh
+        on_rim = {vertex for edge in mesh.Boundaries("rim").Elements() for vertex in edge.vertices}
+        corners = [
+            (element.nr, at)
+            for element in mesh.Elements()
+            for vertex, at in zip(element.vertices, CORNERS, strict=True)
+            if vertex in on_rim
+        ]
+        triangles, reference = zip(*corners, strict=True)
+        return LimitPoints(np.array(triangles), np.array(reference))
+
+    def relative_slacks(self, points):
+        """Values of all slacks, over what counts as one in each, (slacks, points).
+
+        Of limits that do not tell, that is what a strain of one changes it by.
+
+        Parameters
+        ----------
+        points : LimitPoints
+            Anywhere.
+        """
+        at = mesh_points(self.sheet.mesh, *points)
+        slacks, strains = self._anywhere_expressions
+        values = np.asarray(slacks(at)).reshape(len(at), -1).T
+        limits = [limit for limit in self.scene.constraints for _ in limit.slacks(self._cloth)]
+        scales = [
+            limit.scale(row) if hasattr(limit, "scale") else np.asarray(strain(at)).ravel()
+            for limit, row, strain in zip(limits, values, strains, strict=True)
+        ]
+        return np.array([row / scale for row, scale in zip(values, scales, strict=True)])
+
+    def symbolic_energy(self, inside, on_rim, added=()):
         """The Lagrangian as one `SymbolicEnergy` of ψ and v.
 
         Each limit is −z c + ½ k (c − c̄)², whose Hessian at c = c̄ is that of an interior point with
@@ -89,6 +153,9 @@ class ConstrainedLagrangian(Discretisation):
         ----------
         inside, on_rim : list of (c̄, z, k)
             Fields of these numbers for each slack, at the points inside and on the rim.
+        added : list of (reference, triangles, weights, list of (c̄, z, k)), optional
+            Points that were added, by their place in the reference triangle: coordinates, a
+            BitArray, and fields of numbers on these triangles.
 
         Returns
         -------
@@ -102,10 +169,17 @@ class ConstrainedLagrangian(Discretisation):
         density += self._surface_area * sum(map(_limit, self._slacks(cloth), inside), ngs.CF(0.0))
         lagrangian = self._symbolic_energy(density)
         if self.slack_names:
-            slacks = self._slacks(self._on_rim(*trial[:2]))
+            slacks = self._slacks(self._anywhere(*trial[:2]))
             at_rim = sum(map(_limit, slacks, on_rim), ngs.CF(0.0))
             at_rim *= self._rim_share * _stretch_along_rim(self.sheet.metric)
             lagrangian += ngs.Variation(at_rim.Compile() * self.rim_points.seen)
+        slacks = self._slacks(self._anywhere(*trial[:2])) if added else ()
+        for reference, triangles, weights, numbers in added:
+            rule = {ngs.ET.TRIG: ngs.IntegrationRule([reference], [1.0])}
+            at_points = weights * sum(map(_limit, slacks, numbers), ngs.CF(0.0))
+            at_points /= ngs.Det(ngs.specialcf.JacobianMatrix(2))
+            dx = ngs.dx(definedonelements=triangles, intrules=rule)
+            lagrangian += ngs.Variation(at_points.Compile() * dx)
         return lagrangian
 
     # What the loop asks -------------------------------------------------------------------
@@ -187,8 +261,17 @@ class ConstrainedLagrangian(Discretisation):
     def _slacks(self, cloth):
         return [slack for limit in self.scene.constraints for slack in limit.slacks(cloth)]
 
-    def _on_rim(self, psi1, psi2):
-        """The cloth on the rim, where geometry enters as expressions."""
+    @cached_property
+    def _anywhere_expressions(self):
+        """All slacks; and of each what a strain of one changes it by."""
+        cloth = self._anywhere(*self._psi)
+        slacks = self._slacks(cloth)
+        slope = cloth.gradient
+        strains = [ngs.Norm(slack.Diff(slope) * slope.trans).Compile() for slack in slacks]
+        return ngs.CF(tuple(slacks)).Compile(), strains
+
+    def _anywhere(self, psi1, psi2):
+        """The cloth off the integration points, where geometry enters as expressions."""
         sheet = self.sheet
         tensors = sheet.metric, self.scene.fabric, lambda: sheet.curvature
         return Kinematics(gradient(psi1, psi2), *tensors)

@@ -6,6 +6,7 @@ import ngsolve as ngs
 import numpy as np
 
 from ..errors import InputError
+from ..problem.constraints import LimitPoints
 from ..problem.kinematics import gradient
 from .sampling import Points
 
@@ -59,8 +60,11 @@ class Discretisation:
         Inner product of the gradient flow.
     """
 
+    limit_points = LimitPoints()  # of scenes with limits
+
     def __init__(self, scene, sheet, order, quadrature, inverse):
         self.scene, self.sheet, self.inverse, self.mu = scene, sheet, inverse, 0.0
+        self.order = order
         mesh = sheet.mesh
         mirrors = ("mirror1", "mirror2") if scene.symmetric else ("", "")
         self.fes = ngs.FESpace(self._spaces(mesh, order, mirrors))
@@ -100,7 +104,7 @@ class Discretisation:
 
     def _frozen(self, *expressions, points=None):
         points = points or self.points
-        values = points.sample(ngs.CF(expressions).Compile())
+        values = points.sample_surface(ngs.CF(expressions).Compile())
         if not np.isfinite(values).all():
             allowed = "finite with its derivatives at all integration points"
             raise InputError("surface", self.scene.surface, allowed)

@@ -7,6 +7,8 @@ import ngsolve as ngs
 import numpy as np
 from ngsolve.comp import IntegrationRuleSpace, IntegrationRuleSpaceSurface
 
+from ..geometry.sheet import mesh_points, planar_mesh
+
 CORNERS = np.array([(1.0, 0.0), (0.0, 1.0), (0.0, 0.0)])  # of NGSolve's reference triangle
 
 
@@ -51,6 +53,10 @@ class Points:
             self._samples[n] = ngs.GridFunction(self._fields(dim=n))
         self._interpolate(self._samples[n], expression)
         return np.ascontiguousarray(self._samples[n].vec.FV().NumPy().reshape(-1, n).T)
+
+    def sample_surface(self, expression):
+        """Values of an expression of the surface's own mesh, (components, points)."""
+        return self.sample(expression)
 
     def field(self, values=0.0):
         """A field of one number at each point."""
@@ -139,6 +145,45 @@ class RimPoints(Points):
             shapes.append([element.CalcDShape(at) for at in mapped])
             dofs.append(space.GetDofNrs(triangle))
         return np.array(shapes, dtype=float).transpose(0, 3, 1, 2), np.array(dofs)
+
+
+class AddedPoints(Points):
+    """Single points of triangles, at which limits are asked beside those of the rules.
+
+    Fields of numbers live on a mesh of their own, one triangle about each point: NGSolve has none
+    at some points of some triangles.
+
+    Parameters
+    ----------
+    mesh : ngsolve.Mesh
+    added : LimitPoints
+    """
+
+    def __init__(self, mesh, added):
+        self.added = added
+        self._at = mesh_points(mesh, *added)
+        (theta,) = np.array([ngs.CF((ngs.x, ngs.y))(self._at)])
+        size = np.abs(theta).max(initial=1e-9)
+        corners = (theta[:, None] + size * (CORNERS - CORNERS.mean(axis=0))).reshape(-1, 2)
+        triangles = np.arange(len(corners)).reshape(-1, 3)
+        no_edges = np.empty((0, 2), dtype=int), np.empty(0, dtype=str)
+        super().__init__(planar_mesh(corners, triangles, *no_edges), 0)
+        self._surface_mesh = mesh
+
+    def sample_surface(self, expression):
+        """Values of an expression of the surface's own mesh, (components, points)."""
+        values = np.asarray(expression(self._at))
+        return np.ascontiguousarray(values.reshape(len(self._at), -1).T)
+
+    def shapes(self, space):
+        """As of `Points`; with each point as a triangle of its own, that has it alone."""
+        mesh, shapes, dofs = self._surface_mesh, [], []
+        for triangle, reference in zip(*self.added, strict=True):
+            number = ngs.ElementId(ngs.VOL, int(triangle))
+            element, map_to = space.GetFE(number), mesh.GetTrafo(number)
+            shapes.append(element.CalcDShape(map_to(*reference.tolist())))
+            dofs.append(space.GetDofNrs(number))
+        return np.array(shapes, dtype=float).transpose(0, 2, 1)[:, :, None], np.array(dofs)
 
 
 class Sampling:

@@ -111,6 +111,14 @@ def planar_mesh(flat, triangles, segments, names):
     return ngs.Mesh(mesh)
 
 
+def mesh_points(mesh, triangles, reference):
+    """NGSolve's points of a mesh by numbers of triangles (n,) and reference coordinates (n, 2)."""
+    corner = ngs.IntegrationRule([(0.0, 0.0)], [0.0])
+    points = mesh.MapToAllElements({ngs.ET.TRIG: corner}, ngs.VOL)[np.asarray(triangles)]
+    points["x"], points["y"] = np.asarray(reference, dtype=float).T
+    return points
+
+
 def _chart(mesh, order, nodes):
     """φ of one order through nodes; ∂1φ and ∂2φ; the second derivatives of each component."""
     chart = ngs.GridFunction(ngs.H1(mesh, order=order) ** 3, name="position")

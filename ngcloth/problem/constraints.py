@@ -1,10 +1,47 @@
 """The limits the cloth must respect: each is a name and its slacks, positive where it holds."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
 
 from ..errors import check_number
 
 RIM_SHARE = 0.04  # what the limits on the rim weigh in barriers, over those inside
+EDGE = 1e-9  # of a triangle: rounding
+
+
+class LimitPoints(NamedTuple):
+    """Points at which limits are asked beside those of the integration rules.
+
+    Attributes
+    ----------
+    triangles : ndarray of int, (n,)
+        Their triangles, by number in the mesh.
+    reference : ndarray, (n, 2)
+        Where they are in NGSolve's reference triangle (0, 0), (1, 0), (0, 1), edges included.
+    """
+
+    triangles: np.ndarray = np.empty(0, dtype=int)
+    reference: np.ndarray = np.empty((0, 2))
+
+    def check(self, triangles):
+        """Raise `ValueError` unless all are points of a mesh of so many triangles."""
+        numbers, (x, y) = self.triangles, np.reshape(self.reference, (-1, 2)).T
+        kinds = np.asarray(numbers).dtype.kind == "i" and self.reference.dtype.kind == "f"
+        if not kinds or numbers.ndim != 1 or self.reference.shape != (len(numbers), 2):
+            raise ValueError("limit points are not whole numbers (n,) and numbers (n, 2)")
+        inside = (x >= -EDGE) & (y >= -EDGE) & (x + y <= 1 + EDGE)
+        if not (np.all((numbers >= 0) & (numbers < triangles)) and inside.all()):
+            raise ValueError("limit points lie outside the triangles")
+
+    def joined(self, others):
+        """These, and then others that are not among them, as of `LimitPoints`."""
+        both = LimitPoints(*map(np.concatenate, zip(self, others, strict=True)))
+        names = np.column_stack([both.triangles, np.round(both.reference, 9)])
+        _, first = np.unique(names, axis=0, return_index=True)
+        first = np.sort(first)
+        return LimitPoints(both.triangles[first], both.reference[first])
 
 
 @dataclass(frozen=True)
@@ -17,6 +54,10 @@ class Elongation:
         """1 − 1/λ1 and 1 − 1/λ2."""
         # 1/λ1 is linear in ψ1 where λ1 is hyperbolic: steps along its tangent stay feasible.
         return 1 - 1 / cloth.stretch1, 1 - 1 / cloth.stretch2
+
+    def scale(self, values):
+        """What counts as one in a slack whose `values` are these: a stretch."""
+        return 1.0
 
 
 @dataclass(frozen=True)
@@ -40,6 +81,10 @@ class ShearLimit:
         """γmax² − γ²."""
         return (self.maximum**2 - cloth.shear**2,)
 
+    def scale(self, values):
+        """What counts as one in a slack whose `values` are these: a change of |γ|."""
+        return 2 * self.maximum
+
 
 @dataclass(frozen=True)
 class Obstacle:
@@ -50,3 +95,7 @@ class Obstacle:
     def slacks(self, cloth):
         """τ, by Laplace's law, over kc."""
         return (cloth.reaction / cloth.fabric.stiffness,)
+
+    def scale(self, values):
+        """What counts as one in a slack whose `values` are these: the largest |τ|."""
+        return abs(values).max() or 1.0

@@ -14,7 +14,8 @@ from netgen.occ import OCCGeometry
 from .. import scenes
 from ..errors import InputError, check_integer
 from ..geometry.file_surface import FileSurface, curvature_order
-from ..geometry.sheet import planar_mesh, sheet_through
+from ..geometry.sheet import mesh_points, planar_mesh, sheet_through
+from ..problem.constraints import LimitPoints
 from ..problem.kinematics import Kinematics, gradient
 from ..problem.scene import Scene
 from .alone import alone
@@ -25,6 +26,7 @@ from .save import (
     CHECKSUMS,
     FILES,
     FORMAT,
+    LIMIT,
     SURFACE,
     VERSION,
     at_nodes,
@@ -94,7 +96,9 @@ def restored(files, scene=None, folder="pickle"):
         _check_settings(settings, scene)
     with _reading(folder, "fields.npz"):
         fields = plain_arrays(files["fields.npz"], LARGEST["fields.npz"])
+        points = _limit_points(fields)
         _check_fields(fields, settings, scene)
+        points.check(len(fields["triangles"]))
         sheet = _sheet(scene, fields, settings["order"])
         mesh = sheet.mesh
         state = _state(scene, mesh, settings, fields)
@@ -107,6 +111,7 @@ def restored(files, scene=None, folder="pickle"):
         history=history,
         settings=settings,
         sheet=sheet,
+        limit_points=points,
         **numbers,
     )
     with _reading(folder, "result.json"):
@@ -233,6 +238,12 @@ def _check_settings(settings, scene):
         raise ValueError(f"its order is above {HIGHEST_ORDER}, or quadrature {HIGHEST_DEGREE}")
     if scene.in_equilibrium and check_integer("", settings["multiplier_order"], 1) > order:
         raise ValueError("its multiplier_order is larger than its order")
+
+
+def _limit_points(fields):
+    """`Result.limit_points`, taken out of the fields; none in files written before there were."""
+    none = LimitPoints()._asdict()
+    return LimitPoints(*(fields.pop(f"{LIMIT}{name}", each) for name, each in none.items()))
 
 
 def _check_fields(fields, settings, scene):
@@ -373,8 +384,10 @@ def _check_against_psi(result, summary):
 
 
 def _within_limits(result):
-    """Whether all slacks are positive at the sampling points, up to rounding."""
-    points = result.state.space.mesh.MapToAllElements({ngs.ET.TRIG: _rule(result)}, ngs.VOL)
+    """Whether all slacks are positive where the solve asked them, up to rounding."""
+    mesh = result.state.space.mesh
+    points = mesh.MapToAllElements({ngs.ET.TRIG: _rule(result)}, ngs.VOL)
+    points = np.concatenate([points, mesh_points(mesh, *result.limit_points)])
     cloth, limits = _cloth(result), result.scene.constraints
     values = [c.Compile()(points) for limit in limits for c in limit.slacks(cloth)]
     return all(c.min() >= -ROUNDING * np.abs(c).max() for c in values)

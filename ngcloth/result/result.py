@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import InputError, check_integer
 from ..geometry.file_surface import FileSurface
 from ..geometry.sheet import Sheet
+from ..problem.constraints import LimitPoints
 from ..problem.domain import MeshDomain
 from ..problem.kinematics import Kinematics, gradient
 from ..problem.scene import Scene
@@ -42,6 +43,8 @@ class Result(TakenAway):
         What was used, defaults and versions included.
     sheet : Sheet
         The surface on the mesh of ψ.
+    limit_points : LimitPoints
+        Where the solve asked limits beside the points of its rules.
     """
 
     scene: Scene
@@ -53,6 +56,7 @@ class Result(TakenAway):
     history: list
     settings: dict
     sheet: Sheet = field(repr=False)
+    limit_points: LimitPoints = field(default=LimitPoints(), repr=False)
 
     @property
     def converged(self):

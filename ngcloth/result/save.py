@@ -29,6 +29,7 @@ FORMAT, VERSION = "ngcloth result", 1
 FILES = ("result.json", "history.csv", "scene.npz", "fields.npz")
 CHECKSUMS = "SHA256SUMS"
 SURFACE = "surface_"  # before the names of arrays of a surface
+LIMIT = "limit_"  # and of `Result.limit_points`
 # A flat strain on top of a scene's start, so that its fingerprint feels every stiffness.
 SHEARED = ((1.0, 0.2), (-0.1, 1.05))
 
@@ -45,7 +46,8 @@ def save(result, folder):
                   its quarter: ``vertices`` (n, 2), ``triangles`` (k, 3) by vertex, ``segments``
                   (m, 3) by two vertices and the edge of the domain, from 1, on which they lie; of
                   a surface from a file, its points in space at the nodes of each triangle, of the
-                  order of ψ and of a higher one (``nodes2``, ``nodes4``)
+                  order of ψ and of a higher one (``nodes2``, ``nodes4``); in scenes with limits
+                  `Result.limit_points` (``limit_triangles``, ``limit_reference``)
     scene.npz     what the scene is at points of its domain; see `fingerprint`; and the surface, if
                   it came from a file (``surface_…``)
     SHA256SUMS    checksums of the above, as ``sha256sum -c`` reads them
@@ -252,6 +254,9 @@ def _fields(result):
     }
     nodes = {name: at_nodes(field, mesh, order) for name, field in fields.items()}
     nodes |= {f"nodes{order}": points for order, points in result.sheet.nodes.items()}
+    if result.scene.constraints:
+        points = result.limit_points._asdict()
+        nodes |= {f"{LIMIT}{name}": array for name, array in points.items()}
     return {"state": result.state.vec.FV().NumPy()} | nodes | _triangulation(mesh.ngmesh)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..problem.constraints import LimitPoints
 from ..result.history import Row
 from ..result.reading import plain_arrays, plain_bytes
 from ..result.save import checksum
@@ -74,7 +75,7 @@ class Checkpoint:
             Path(new).unlink(missing_ok=True)
             raise
 
-    def found(self, size, slacks):
+    def found(self, size, slacks, triangles):
         """State, rows and memory in the file; None if there was none.
 
         Parameters
@@ -82,7 +83,9 @@ class Checkpoint:
         size : int
             Of the state.
         slacks : tuple
-            The shape of what a loop remembers of each slack.
+            The shape of what a loop remembers of each slack, without that at added points.
+        triangles : int
+            Of the mesh.
 
         Raises
         ------
@@ -92,7 +95,16 @@ class Checkpoint:
         if self._found is None:
             return None
         state, rows, memory = self._found
-        shapes = {"s": slacks, "z": slacks, "filter": (*memory.get("filter", state).shape[:1], 2)}
+        shapes = {"filter": (*memory.get("filter", state).shape[:1], 2)}
+        if "triangles" in memory:
+            points = LimitPoints(*(memory[name] for name in LimitPoints._fields))
+            try:
+                points.check(triangles)
+            except ValueError as error:
+                self._refuse(f"it is damaged ({error})", error)
+            added = len(points.triangles)
+            shapes |= {"s": (slacks[0], slacks[1] + added), "triangles": (added,)}
+            shapes |= {"z": shapes["s"], "reference": (added, 2)}
         wrong = [name for name in memory if memory[name].shape != shapes.get(name, ())]
         if state.shape != (size,) or wrong:
             told = ", ".join(wrong) or "the state"

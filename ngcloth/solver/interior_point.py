@@ -9,7 +9,9 @@ step is one of backward Euler along the gradient flow.
 
 import numpy as np
 
+from ..problem.constraints import LimitPoints
 from ..result.history import Reason
+from .exchange import missed_points
 from .line_search import Filter, to_boundary
 from .saddle_exit import leave_saddle
 from .saddle_system import SaddleSystem
@@ -23,8 +25,9 @@ LASTING_RATE = 1e3
 # μ falls once the error of the equations is below so many μ; but below `CENTRED` μ, while 1/Δt is
 # above `HIGHER`: a patch that slides slowly is far from where it will be.
 NEARLY = 30.0
-# Correctors of products s z: the first for their second order, if it leaves this fraction of the
-# length; then at most so many for a step longer by `LONGER`, to within this factor of μ.
+# Correctors of products s z: the first for their second order, by at most μ, if it leaves this
+# fraction of the length; then at most so many for a step longer by `LONGER`, to within this factor
+# of μ. The first, if it were larger, could keep products for ever where multipliers are not unique.
 SHORTENED, CORRECTORS, LONGER, CENTRED = 0.5, 5, 0.4, 10.0
 SETTLED, ROUND_OFF = 1e-2, 1e-18  # of a cost: how far it may still fall; and per area
 GAIN = 1e-3  # of the cost: saddles are left as long as that brings so much
@@ -53,10 +56,15 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
     -------
     Reason
     """
+    limited = bool(problem.slack_names)
+    if limited:
+        found = recorder.memory
+        known = [found[name] for name in LimitPoints._fields] if found else problem.rim_vertices()
+        problem.add_limit_points(LimitPoints(*known))
     if not (warm or recorder.memory):
         near_start(problem, recorder)
     # Without limits there is no barrier to weaken.
-    iterate = Iterate(problem, FIRST_MU if problem.slack_names else last_mu)
+    iterate = Iterate(problem, FIRST_MU if limited else last_mu)
     if recorder.memory:
         iterate.recall(recorder.memory)
     saddle = np.inf  # the cost of the one that was left last
@@ -64,9 +72,12 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
         error = iterate.error()
         near = error <= (NEARLY if iterate.rate < HIGHER else CENTRED) * iterate.mu
         if iterate.mu > last_mu and near:
+            iterate.exchange()
             iterate.lower_mu(last_mu)
             continue
         if iterate.mu <= last_mu and error <= iterate.mu and iterate.at_rest:
+            if iterate.exchange():
+                continue
             cost = problem.cost()
             if phase != "coarse" and saddle - cost > GAIN * abs(cost) and iterate.leave():
                 saddle = cost
@@ -113,9 +124,24 @@ class Iterate:
         """Set s and z to what c(ψ) suggests, for a barrier of this weight."""
         self.mu = self.problem.mu = mu
         self.c = self.problem.slacks()
-        self.s = np.maximum(self.c, LEAST_SLACK * min(np.sqrt(self.mu), 1))
+        self.s = self._slack_variables(self.c)
         self.z = self.mu / self.s
         self.filter = Filter(self._violation())
+
+    def _slack_variables(self, slacks):
+        return np.maximum(slacks, LEAST_SLACK * min(np.sqrt(self.mu), 1))
+
+    def exchange(self):
+        """Ask limits where they are missed between the points; whether there are such places."""
+        if not self.problem.slack_names:
+            return False
+        self.problem.add_limit_points(missed_points(self.problem))
+        known, self.c = self.c.shape[1], self.problem.slacks()
+        added = self._slack_variables(self.c[:, known:])
+        self.s = np.concatenate([self.s, added], axis=1)
+        self.z = np.concatenate([self.z, self.mu / added], axis=1)
+        self.filter = Filter(self._violation())
+        return added.size > 0
 
     def lower_mu(self, last_mu):
         """Weaken the barrier."""
@@ -127,6 +153,7 @@ class Iterate:
         """What a later process needs to go on from here, beside the state."""
         pairs = np.reshape(self.filter.pairs, (-1, 2))
         memory = {name: getattr(self, name) for name in self.kept} | {"filter": pairs}
+        memory |= self.problem.limit_points._asdict()
         return memory | {"largest_violation": self.filter.largest}
 
     def recall(self, memory):
@@ -272,7 +299,7 @@ class Iterate:
         corrected before.
         """
         length, products = to_boundary(self.s, ds), self.mu
-        missing = np.clip(-ds * dz, -CENTRED * self.mu, CENTRED * self.mu)
+        missing = np.clip(-ds * dz, -self.mu, self.mu)
         corrected = self._step_toward(solve, products + missing, SHORTENED * length)
         if corrected:
             (ds, dz, length), products = corrected, products + missing

@@ -93,7 +93,8 @@ class Recorder:
         if not self._checkpoint:
             return
         slacks = problem.slacks().shape if problem.scene.in_equilibrium else ()
-        found = self._checkpoint.found(problem.state.vec.size, slacks)
+        triangles = problem.sheet.mesh.ne
+        found = self._checkpoint.found(problem.state.vec.size, slacks, triangles)
         if found is None:
             return
         self.problem, (self._state, self.rows, self.memory) = problem, found

@@ -178,6 +178,7 @@ def solve(
             history=list(recorder.rows),
             settings=problem.settings,
             sheet=problem.sheet,
+            limit_points=problem.limit_points,
         )
 
     def asks_to_stop():

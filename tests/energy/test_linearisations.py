@@ -9,6 +9,7 @@ import ngcloth
 from ngcloth import Elongation, Scene
 from ngcloth.energy.automatic import AutomaticLagrangian
 from ngcloth.energy.closed_form import ClosedFormLagrangian
+from ngcloth.problem.constraints import LimitPoints
 
 KINDS = ClosedFormLagrangian, AutomaticLagrangian
 
@@ -47,7 +48,10 @@ def both(request):
     here, there = (discretised(scene, order=order, kind=kind) for kind in KINDS)
     direction = with_multipliers(here)
     vector(there)[:] = vector(here)
+    added = np.array([[0.25, 0.5], [0.0, 1.0], [0.25, 0.5]])
     for problem in (here, there):
+        problem.add_limit_points(LimitPoints(np.array([1, 0, 3]), added))
+        problem.add_limit_points(LimitPoints(np.array([1, 2, 2]), added))
         vector_of = problem.direction.vec.FV().NumPy()
         vector_of[:] = direction
     return here, there
@@ -78,8 +82,11 @@ def test_both_linearisations_are_the_same(both):
     whole, closed = dense(there.hessian(z, stiffness)), dense(here.hessian(z, stiffness))
     assert np.abs(closed[here.psi_dofs, here.psi_dofs.stop :]).max() > 1e-2
     assert np.abs(closed - whole).max() <= 1e-10 * np.abs(whole).max()
-    inside = dense(here.hessian(z * here.inside, stiffness * here.inside))
-    assert np.abs(inside - whole).max() > 1e-8 * np.abs(whole).max()  # the rim is felt
+    for part in here.parts[1:]:  # the rim is felt, and what was added
+        without = np.ones(len(here.weights))
+        without[part] = 0
+        others = dense(here.hessian(z * without, stiffness * without))
+        assert np.abs(others - whole).max() > 1e-8 * np.abs(whole).max()
 
 
 def test_cost_gradient(both):

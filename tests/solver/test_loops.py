@@ -98,6 +98,7 @@ def test_lengths_and_active_limits(schedule):
     arguments = (settings[name] for name in names)
     problem = ClosedFormLagrangian(scene, result.sheet, *arguments)
     problem.state.vec.data = result.state.vec
+    problem.add_limit_points(result.limit_points)
     slacks = problem.slacks()
     assert 0 < rows[-1].active < 0.6 * rows[0].active <= 0.6 * slacks.size
     assert rows[-1].active == pytest.approx((slacks < 0.1).sum(), rel=0.1)
@@ -119,7 +120,7 @@ def test_without_limits_none_is_active(schedule):
 # Checkpoints --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("steps", [1, 6])
+@pytest.mark.parametrize("steps", [1, 4])
 def test_taken_up_again(case, tmp_path, steps):
     scene, maxh = case
     path = tmp_path / "run.npz"
@@ -284,7 +285,7 @@ def test_one_checkpoint_of_many(tmp_path):
 
     def write(number):
         Checkpoint(path, {}).write(np.full(10**4, number), [row], {})
-        state, rows, memory = Checkpoint(path, {}).found(10**4, ())
+        state, rows, memory = Checkpoint(path, {}).found(10**4, (), 0)
         assert [each.newton for each in rows] == [1] and memory == {}
         return len(set(state.tolist()))
 
@@ -354,12 +355,12 @@ def test_a_turned_patch_is_the_same_minimum_if_its_threads_are(kc):
 
 
 def test_paper_schedule_with_limits():
-    """Slower by far, and to the same patch at the same last weight."""
+    """Slower by far, and to the same patch, up to limits between the points."""
     scene, settings = hemisphere(1.0), {"maxh": 0.35, "barrier_end": 1e-2}
     paper = solve(scene, schedule="paper", tolerance=1e-4, **settings)
     ours = solve(scene, **settings)
     assert paper.converged and ours.converged
-    assert paper.normalized_energy == pytest.approx(ours.normalized_energy, rel=5e-3)
+    assert paper.normalized_energy == pytest.approx(ours.normalized_energy, rel=2.5e-2)
     assert paper.newton_iterations > 3 * ours.newton_iterations
     assert [row.phase for row in paper.history][0] == "saddle"
     assert paper.history[0].mu == 10.0 and paper.history[-1].mu == 1e-2

@@ -117,7 +117,7 @@ def _verdict(result, certificate):
 
 def _certificate(certificate):
     """What the certificate says, as items: each fault, or how well all holds."""
-    said = certificate.faults or [str(certificate).removeprefix("certified: ")]
+    said = certificate.faults or certificate.findings
     return "".join(f"<li>{escape(each)}</li>" for each in said)
 
 

@@ -5,9 +5,9 @@ A certificate shares with the solver neither spaces nor assembly nor factorisati
 
 from functools import cached_property
 
-import ngsolve as ngs
 import numpy as np
 
+from ..geometry.sheet import mesh_points
 from . import bernstein
 
 SIDES = ((0, 1), (1, 2), (2, 0))  # of a triangle, by its corners
@@ -78,10 +78,7 @@ class Triangles:
 
     def mapped(self, triangles, reference):
         """Mesh points of NGSolve at reference points (n, 2) of triangles (n,)."""
-        rule = ngs.IntegrationRule([(0.0, 0.0)], [0.0])
-        points = self.mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)[triangles]
-        points["x"], points["y"] = np.transpose(reference)
-        return points
+        return mesh_points(self.mesh, triangles, reference)
 
     def at_lattice(self, degree):
         """Mesh points at the `lattice` of each triangle, one triangle after another."""

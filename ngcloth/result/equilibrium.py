@@ -15,6 +15,7 @@ def equilibrium_residual(patch):
     Parameters
     ----------
     patch : Patch
+        Of a result that has converged or not.
 
     Returns
     -------

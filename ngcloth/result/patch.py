@@ -33,7 +33,7 @@ class Patch:
         values = ngs.CF(tuple(result.state.components[:2]))(points)
         values = values.reshape(len(self.triangles), -1, 2).swapaxes(1, 2)
         self.psi = values @ bernstein.fit(self.order).T
-        self._added = getattr(result, "limit_points", (np.empty(0, int), np.empty((0, 2))))
+        self._added = result.limit_points
 
     @cached_property
     def inside(self):

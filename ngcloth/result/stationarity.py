@@ -1,14 +1,13 @@
 """Whether a ψ is stationary, and a minimum: what `ngcloth.verify` asks of the Lagrangian."""
 
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
-from ..problem.constraints import RIM_SHARE
 from ..problem.cost_size import cost_size
 from . import changes
 from .elements import Space, assembled, factorised, negative_pivots
+from .lanczos import lanczos
 
 AT_REST = 1e-2  # of the stress: what may be unbalanced in a scene without limits
 ROUND_OFF = 1e-9  # stress over kc that counts as none
@@ -16,8 +15,6 @@ RESOLVED = 0.05  # of the stress, or of kc: what a richer space may find unbalan
 FLAT = 1e-2  # of the stress: curvature that counts as zero
 SOFT = 1e-10  # on the diagonal of v, over what couples it to ψ, for lack of pivoting
 REFINEMENTS = 4  # that undo this, or a shift
-KRYLOV = 30
-SURE = 1e-4  # of an eigenvalue: the change at which a Lanczos iteration ends
 
 
 class StationaryPoint:
@@ -95,13 +92,15 @@ class StationaryPoint:
     @property
     def _achieved(self):
         """An interior point ends with stationarity and all c z − μ below μ, per area."""
-        return float(np.sqrt(1 + (1 + RIM_SHARE) * len(self.limits[0].values)) * self.mu)
+        weights = sum(limits.weights.sum() for limits in self.limits) / self.area
+        return float(np.sqrt(1 + weights * len(self.limits[0].values)) * self.mu)
 
     def _about_psi(self):
         residual, v = self.remainder(self.patch.order)
         richer, _ = self.remainder(self.patch.order + 1)
         pencil = Pencil(self, v)
         flips = [(0, 0), (1, 0), (0, 1), (1, 1)] if self.scene.symmetric else [(0, 0)]
+        strain, share = pencil.barrier_effect() if self.limits else (0.0, 0.0)
         own, *others = (pencil.least_eigenvalue(each) for each in flips)
         return {
             "stationarity": residual / self.stress,
@@ -109,7 +108,8 @@ class StationaryPoint:
             "curvature": own,
             "asymmetric_curvature": min(others, default=None),
             "in_sight": pencil.in_sight() if self.scene.cost and not self.limits else None,
-            "barrier_strain": pencil.barrier_strain() if self.limits else 0.0,
+            "barrier_strain": strain,
+            "barrier_share": float(share),
         }
 
     def remainder(self, order):
@@ -293,7 +293,8 @@ class Pencil:
         """
         free, _, shift, factors = self._own if flips == (0, 0) else self._shifted(flips)
         norm = self.norm[free][:, free]
-        return float(shift + 1 / lanczos(factors.solve, lambda x: norm @ x, len(free))[-1])
+        values, _ = lanczos(factors.solve, lambda x: norm @ x, len(free))
+        return float(shift + 1 / values[-1])
 
     @cached_property
     def _own(self):
@@ -324,49 +325,28 @@ class Pencil:
 
         A cost that falls for ever, as the patch shrinks, has forces that vanish with it.
         """
-        point = self._point
-        force = self.system.load(point.inside, point.flat_areas[:, None] * point.cost[1])
-        falls, cost = abs(force @ self._step(force)) / 2, point.flat_areas @ point.cost[0]
-        return float(falls / (abs(cost) + ROUND_OFF**2 * point.size * point.area))
+        force = self._cost_force()
+        return abs(force @ self._step(force)) / 2 / self._cost_size()
 
-    def barrier_strain(self):
-        """How far the barrier keeps the cloth from its optimum: μ dψ/dμ, as strain, its rms."""
+    def barrier_effect(self):
+        """What the barrier changes, to first order, by μ dψ/dμ.
+
+        Returns
+        -------
+        strain : float
+            Its root mean square over the surface.
+        share : float
+            What the cost would fall by without the barrier, over itself.
+        """
         change = self._point.mu * self._step(self._barrier)
-        return float(np.sqrt(change @ (self.norm @ change) / self._point.area))
+        strain = float(np.sqrt(change @ (self.norm @ change) / self._point.area))
+        return strain, abs(self._cost_force() @ change) / self._cost_size()
 
+    def _cost_force(self):
+        point = self._point
+        return self.system.load(point.inside, point.flat_areas[:, None] * point.cost[1])
 
-def lanczos(solve, norm, size):
-    """Eigenvalues, ascending, of inverse · norm on a Krylov space.
-
-    Parameters
-    ----------
-    solve, norm : callable
-        The inverse and the norm, positive semidefinite, times a vector.
-    size : int
-        Of vectors.
-
-    Returns
-    -------
-    ndarray
-    """
-    start = np.random.default_rng(0).standard_normal(size)
-    vector = solve(norm(start))
-    basis, duals, diagonal, beside, values = [], [], [], [], np.zeros(1)
-    for _ in range(KRYLOV):
-        dual = norm(vector)
-        length = np.sqrt(max(vector @ dual, 0.0))
-        if length <= 1e-13 * (beside[0] if beside else 0.0) or not np.isfinite(length):
-            break
-        beside.append(length)
-        basis.append(vector / length), duals.append(dual / length)
-        vector = solve(duals[-1])
-        diagonal.append(vector @ duals[-1])
-        for _ in range(2):
-            vector = vector - np.array(basis).T @ (np.array(duals) @ vector)
-        matrix = np.diag(diagonal)
-        for k, (_, size) in enumerate(pairwise(beside)):
-            matrix[k, k + 1] = matrix[k + 1, k] = size
-        before, values = values[-1], np.linalg.eigvalsh(matrix)
-        if abs(values[-1] - before) <= SURE * abs(values[-1]):
-            break
-    return values
+    def _cost_size(self):
+        point = self._point
+        cost = abs(float(point.flat_areas @ point.cost[0]))
+        return cost + ROUND_OFF**2 * point.size * point.area

@@ -1,8 +1,10 @@
 """A way out of a saddle: along the change of the patch, in equilibrium, by which it falls most."""
 
+from functools import partial
+
 import numpy as np
 
-from ..result.stationarity import lanczos
+from ..result.lanczos import lanczos
 
 FLAT = 0.04  # of the root of cost per area, about 1 % of the stress: curvature that counts as zero
 LEAST_FLAT, STEEPEST = 1e-6, 1e6
@@ -57,7 +59,15 @@ def _falling(problem, system, matrix):
         return None
     # About a shift below all eigenvalues, the least is the one that the inverse makes greatest.
     direction = problem.state.vec.CreateVector()
-    direction.FV().NumPy()[:] = lanczos(solve, problem.flow)[1]
+    given, image = direction.CreateVector(), direction.CreateVector()
+
+    def times(multiply, vector):
+        given.FV().NumPy()[:] = vector
+        multiply(given, image)
+        return image.FV().NumPy().copy()
+
+    solved, norm = partial(times, solve), partial(times, problem.flow.Mult)
+    direction.FV().NumPy()[:] = lanczos(solved, norm, direction.size)[1]
     direction.FV().NumPy()[problem.psi_dofs.stop :] = 0
     size = np.sqrt(direction.InnerProduct((problem.flow * direction).Evaluate()))
     direction.data *= float(1 / size)

@@ -56,7 +56,7 @@ def moved(result, size):
 def test_certified(name):
     certificate = solved(name).certificate()
     assert certificate.certified, str(certificate)
-    assert str(certificate).startswith("certified: ") and "\n" not in str(certificate)
+    assert str(certificate).startswith("certified: ") and "proven" in str(certificate)
     assert "a minimum" in str(certificate) and "within the symmetry" in str(certificate)
     assert certificate.unfolded and certificate.curvature > 0
 
@@ -206,7 +206,7 @@ def test_saddle_across_the_symmetry():
     square = Surface(lambda x, y: (x, y, 0 * x), Rectangle((-1, 1), (-1, 1)))
     result = covered(lambda x, y: (x, y), square, Unstable(), symmetric=True)
     certificate = result.certificate()
-    assert certificate.asymmetric_curvature == pytest.approx(-2, abs=1e-6)
+    assert certificate.asymmetric_curvature == pytest.approx(-2, abs=1e-3)
     assert certificate.curvature > -1.9
 
 
@@ -261,7 +261,8 @@ def test_the_unit_of_a_slack_does_not_decide(unit):
         for limit in (Elongation(), Taut())
     )
     assert other.energy == pytest.approx(one.energy, rel=1e-4)
-    for mine, theirs in zip(other.certificate().limits, one.certificate().limits, strict=True):
+    slack = (moved(result, 0.03).certificate().limits for result in (other, one))
+    for mine, theirs in zip(*slack, strict=True):
         assert mine.holds is theirs.holds is False
         assert mine.slack == pytest.approx(unit * theirs.slack, rel=0.03)
         assert mine.tolerance == pytest.approx(unit * theirs.tolerance, rel=0.2)

@@ -9,17 +9,19 @@ threads' directions t1 = (∂ηψ2, −∂ξψ2) and t2 = (−∂ηψ1, ∂ξψ1
 which are ratios of polynomials if â is one. A ratio lies above the least ratio of Bernstein
 coefficients, and parts of a triangle have closer ones (Farouki, 2012).
 
-â is interpolated by a polynomial of degree 2 (p − 1), or 4 to `HIGHEST`. What that leaves out is
-not bounded but measured, over a lattice of twice its degree, and `SAFETY` times as much taken off
-all bounds: that is the one part of them that is not proven.
+â is interpolated by a polynomial of degree 2 (p − 1), if that is 4 to `HIGHEST`, or higher where
+that is not accurate. What it leaves out is not bounded but measured, over a lattice of twice its
+degree, and `SAFETY` times as much taken off all bounds: the one part of them that is not proven.
+On surfaces from files â is a polynomial of that degree, and nothing is left out.
 """
 
 import ngsolve as ngs
 import numpy as np
 
-from .bernstein import basis, corners, derivatives, fit, halves, lattice, product, raised
+from .bernstein import basis, corners, derivatives, exponents, fit, halves, lattice, product, raised
 
-LOWEST, HIGHEST = 4, 8  # degree of the metric's interpolation
+LOWEST, HIGHEST = 4, 10  # degree of the metric's interpolation
+ACCURATE = 1e-4  # an error at which it is not raised
 SAFETY = 2  # times the error of that between the points where it was measured
 HALVINGS = 8  # of a triangle, at most
 
@@ -44,35 +46,29 @@ class Between:
         both = self._degree, self._degree
         self._area = product(a, d, both) - product(b, c, both)
         self._threads = (d, -c), (-b, a)
-        self._metric_degree = int(np.clip(2 * self._degree, LOWEST, HIGHEST))
-        self._sample_metric()
+        lowest = int(np.clip(2 * self._degree, LOWEST, HIGHEST))
+        for degree in range(lowest, HIGHEST + 1, 2):
+            self._interpolate_metric(degree)
+            if self.error <= ACCURATE:
+                break
 
-    def _sample_metric(self):
+    def _interpolate_metric(self, degree):
         """Interpolate the metric, and measure what that leaves out."""
-        degree, triangles = self._metric_degree, self.triangles
-        fine = lattice(2 * degree)
+        fine, points = lattice(2 * degree), self.triangles.at_lattice(2 * degree)
         expressions = ngs.CF((self._sheet.metric, ngs.specialcf.JacobianMatrix(2))).Compile()
-        values = expressions(triangles.at_lattice(2 * degree)).reshape(len(triangles), -1, 2, 2, 2)
+        values = expressions(points).reshape(len(self.triangles), -1, 2, 2, 2)
         element = values[:, :, 1]
         metric = element.swapaxes(2, 3) @ values[:, :, 0] @ element
         metric = np.moveaxis(metric[:, :, [0, 0, 1], [0, 1, 1]], 2, 0)
-        known = (np.rint(2 * degree * fine).astype(int) % 2 == 0).all(axis=1)
-        self._metric = metric[:, :, known] @ fit(degree).T
-        off = metric - self._metric @ basis(degree, fine).T
-        # The largest change of a length: the spectral radius of â⁻¹ δâ, below its Frobenius norm.
-        (a11, a12, a22), (d11, d12, d22) = metric, off
-        rows = (
-            a22 * d11 - a12 * d12,
-            a22 * d12 - a12 * d22,
-            a11 * d12 - a12 * d11,
-            a11 * d22 - a12 * d12,
-        )
-        size = np.sqrt(sum(row**2 for row in rows)) / (a11 * a22 - a12**2)
-        self.error = SAFETY * float(size.max())
-        flat = self._area @ basis(2 * self._degree, fine).T
-        jacobians = flat / (
-            element[:, :, 0, 0] * element[:, :, 1, 1] - element[:, :, 0, 1] * element[:, :, 1, 0]
-        )
+        known = (exponents(2 * degree) % 2 == 0).all(axis=1)
+        self._metric, self._metric_degree = metric[:, :, known] @ fit(degree).T, degree
+        (a11, a12, a22), (d11, d12, d22) = metric, metric - self._metric @ basis(degree, fine).T
+        # The largest eigenvalue of â⁻¹ δâ: no square of a length is off by more.
+        square = a11 * a22 - a12**2
+        half = (a22 * d11 - 2 * a12 * d12 + a11 * d22) / (2 * square)
+        root = np.sqrt(np.maximum(half**2 - (d11 * d22 - d12**2) / square, 0.0))
+        self.error = SAFETY * float((np.abs(half) + root).max())
+        jacobians = self._area @ basis(2 * self._degree, fine).T / np.linalg.det(element)
         self.jacobian = float(jacobians.min())
 
     def unfolded(self):

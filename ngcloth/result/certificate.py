@@ -99,7 +99,8 @@ class Certificate:
         What is left of dL with the best multipliers: its norm over all ψ of the mesh, over the
         stress; infinite where a limit is violated at the points at which it is imposed.
     stationarity_tolerance : float
-        What of it is accepted: with limits, what a barrier of weight `barrier` can achieve.
+        What of it is accepted: with limits a thousandth, or what a barrier of weight `barrier` can
+        achieve.
     stationarity_richer : float
         Likewise over all ψ one order richer: the error of the discretisation. It may be a twentieth
         of the stress, or of kc where that is more: a Chebyshev net has no stress but this error.

@@ -10,6 +10,7 @@ from .elements import Space, assembled, factorised, negative_pivots
 from .lanczos import lanczos
 
 AT_REST = 1e-2  # of the stress: what may be unbalanced in a scene without limits
+BALANCED = 1e-3  # and in one with limits, or as much as a barrier can achieve
 ROUND_OFF = 1e-9  # stress over kc that counts as none
 RESOLVED = 0.05  # of the stress, or of kc: what a richer space may find unbalanced
 FLAT = 1e-2  # of the stress: curvature that counts as zero
@@ -82,18 +83,20 @@ class StationaryPoint:
         found = {
             "stress": stress,
             "barrier": self.mu,
-            "stationarity_tolerance": self._achieved / stress if self.limits else AT_REST,
+            "stationarity_tolerance": self._tolerance(),
             # A Chebyshev net has no stress but the error of the mesh.
             "richer_tolerance": RESOLVED * max(1.0, self.size / stress),
             "curvature_tolerance": FLAT * stress,
         }
         return found | self._about_psi() if self.interior else found
 
-    @property
-    def _achieved(self):
+    def _tolerance(self):
         """An interior point ends with stationarity and all c z − μ below μ, per area."""
+        if not self.limits:
+            return AT_REST
         weights = sum(limits.weights.sum() for limits in self.limits) / self.area
-        return float(np.sqrt(1 + weights * len(self.limits[0].values)) * self.mu)
+        achieved = np.sqrt(1 + weights * len(self.limits[0].values)) * self.mu
+        return max(float(achieved / self.stress), BALANCED)
 
     def _about_psi(self):
         residual, v = self.remainder(self.patch.order)

@@ -8,6 +8,7 @@ counts. Seconds are CPU seconds of one thread, mesh and set-up included, imports
     python demos/against_build.py 9dded49               # a quarter of an hour
     python demos/against_build.py 9dded49 --quick       # two coarse meshes of each scene
     python demos/against_build.py 9dded49 --certificate # times result.certificate() as well
+    python demos/against_build.py 9dded49 --default     # likewise, with default settings alone
 
 Steps in brackets: not converged. Energies are E/(2π kc).
 """
@@ -24,6 +25,7 @@ from pathlib import Path
 
 from measuring import SHORT
 from run_time_tables import CHEBYSHEV, DEFAULT, WEAK, markdown
+from timed_solves import MORE, SCENES, TURNED
 from work_precision import MESHES, chebyshev_jobs, jobs
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -42,6 +44,11 @@ def solves(quick=False):
         own.sort(key=lambda settings: -settings["maxh"])
         found += [(scene, settings) for settings in own[: QUICK if quick else None]]
     return found
+
+
+def default_solves():
+    """One solve with default settings of each scene, as (scene, settings)."""
+    return [(scene, {}) for scene in SCENES | MORE if scene not in TURNED]
 
 
 def extract(commit, folder):
@@ -128,14 +135,18 @@ def _seconds(names, both, timed):
         seconds = [one[part] for one in both]
         cells |= {f"{part}, s, {name}": f"{s:.3f}" for name, s in zip(names, seconds, strict=True)}
         cells[f"{part}, ratio"] = f"{seconds[1] / seconds[0]:.2f}"
+    if "certificate" in timed:
+        cells["certificate over solve"] = f"{both[1]['certificate'] / both[1]['solve']:.2f}"
     return cells
 
 
 def main(commit, *options):
     """Print the table of this build against a commit."""
-    if not set(options) <= {"--quick", "--certificate"}:
+    if not set(options) <= {"--quick", "--certificate", "--default"}:
         sys.exit(__doc__)
-    certificate, wanted = "--certificate" in options, solves("--quick" in options)
+    default = "--default" in options
+    certificate = default or "--certificate" in options
+    wanted = default_solves() if default else solves("--quick" in options)
     with tempfile.TemporaryDirectory() as folder:
         extract(commit, folder)
         rows = compare((folder, ROOT), wanted, certificate)

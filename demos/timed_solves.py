@@ -3,7 +3,7 @@
 By public names only, so that `against_build.py` can run it on any build of ngcloth: it answers each
 line on standard input, a JSON object
 
-    {"scene": a name of SCENES, "settings": of ngcloth.solve, "certificate": whether to make it},
+    {"scene": of SCENES or MORE, "settings": of ngcloth.solve, "certificate": whether to make it},
 
 with a line on standard output, CPU seconds and outcome of a solve in a process that is warm.
 """
@@ -38,6 +38,35 @@ TURNED = {
 SCENES |= TURNED
 
 
+class Measured:
+    """Threads as in a `Net`, and shear that stiffens: a law of powers of γ²."""
+
+    stiffness = 1.0
+
+    def energy(self, I4, I6, I8):
+        """W at the invariants."""
+        square = I8**2 / (I4 * I6)
+        shear = sum(c * square**k for k, c in enumerate((0.3, 0.2, 0.1, 0.05), start=1))
+        return (I4 - 1) ** 2 + (I6 - 1) ** 2 + shear
+
+
+def taut(chart, fabric):
+    """A symmetric scene on the unit disk with taut threads."""
+    surface = ngcloth.Surface(chart, ngcloth.Disk())
+    return ngcloth.Scene(surface, fabric, (ngcloth.Elongation(),), symmetric=True)
+
+
+# Not of the report: for solves with default settings alone.
+MORE = {
+    f"sphere, p = {p}": lambda p=p: scenes.sphere(p, shear_limit=np.cos(np.pi / 6))
+    for p in (0.5, 0.7, 0.8)
+}
+MORE["dome, ks = 10"] = lambda: taut(
+    lambda x, y: (x, y, -0.5 * x**2 - 0.8 * y**2), ngcloth.Net(1, 10)
+)
+MORE["dome, measured law"] = lambda: taut(lambda x, y: (x, y, -0.5 * x**2 - 0.8 * y**2), Measured())
+
+
 def answer(scene, settings, certificate):
     """Solve, and return what the table needs to know."""
     made = warm_scene(scene, certificate)
@@ -58,7 +87,7 @@ def answer(scene, settings, certificate):
 @functools.cache
 def warm_scene(name, certificate):
     """The scene, after a coarse solve: what only the first one does is then done."""
-    scene = SCENES[name]()
+    scene = (SCENES | MORE)[name]()
     result = ngcloth.solve(scene, maxh=scene.surface.domain.diameter / 4)
     if certificate:
         result.certificate()

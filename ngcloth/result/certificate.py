@@ -277,8 +277,8 @@ def _stretches(limit, between):
     checks = []
     for number, above in enumerate((one, other), start=1):
         stretches = np.sqrt(_on_lattice(above, degree) / _on_lattice(square, degree))
-        enough = max(1 - LIMIT, stretches.min() - SHARP)
-        ratio, _ = least_ratio(above, square, degree, enough**2 / kept)
+        enough = max((1 - LIMIT) ** 2 / kept, (stretches.min() - SHARP) ** 2)
+        ratio, _ = least_ratio(above, square, degree, enough)
         stretch, values = float(np.sqrt(max(ratio * kept, 1e-300))), 1 - 1 / stretches
         proven = f"λ{number} ≥ {_below(stretch)}", 1 - 1 / stretch
         checks.append(_check(limit, values, LIMIT, between.triangles, *proven))

@@ -6,18 +6,17 @@ from functools import cache
 import ngsolve as ngs
 import numpy as np
 import pytest
-from netgen.occ import OCCGeometry
+from covering import covered
 
 import ngcloth
-from ngcloth import Disk, Elongation, Net, Rectangle, Result, Scene, Surface, solve
+from ngcloth import Disk, Elongation, Net, Rectangle, Scene, Surface, solve
 from ngcloth.output.planar import crossing
+from ngcloth.result import equilibrium, stationarity
 from ngcloth.result.between import Between
-from ngcloth.result.history import Reason
+from ngcloth.result.elements import factorised
 from ngcloth.result.patch import Patch
 from ngcloth.result.stationarity import Pencil, StationaryPoint
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
-
-PLANE = Surface(lambda x, y: (x, y, 0 * x), Rectangle((0, 1), (0, 1)))
 
 
 @cache
@@ -29,18 +28,6 @@ def solved(name):
         "hemicatenoid": (hemicatenoid(1.0), {"maxh": 0.3}),
     }[name]
     return solve(scene, **settings)
-
-
-def covered(psi, surface=PLANE, fabric=None, order=2, symmetric=False):
-    """A result that nobody solved for."""
-    face = surface.domain.face(symmetric)
-    mesh = ngs.Mesh(OCCGeometry(face, dim=2).GenerateMesh(maxh=0.3))
-    state = ngs.GridFunction(ngs.FESpace([ngs.H1(mesh, order=order)] * 2))
-    for component, value in zip(state.components, psi(ngs.x, ngs.y), strict=True):
-        component.Set(value)
-    scene = Scene(surface, fabric or Net(ks=1.0), symmetric=symmetric)
-    settings = {"order": order, "quadrature": 2 * order + 2}
-    return Result(scene, state, Reason.CONVERGED, 0.0, 0, 0.0, [], settings, surface.on(mesh))
 
 
 def moved(result, size):
@@ -122,6 +109,36 @@ def test_no_net_beyond_the_singular_portion():
     assert "mesh" in str(certificate) or "not stationary" in str(certificate)
 
 
+@pytest.mark.parametrize("weight, sound", [(1e-3, False), (1e-6, True)])
+def test_a_stress_that_the_barrier_makes(weight, sound):
+    """A flat trapezoid lies flat; a barrier alone stretches it, by a strain like the root of μ."""
+    surface = Surface(
+        lambda u, v: ((1 - 0.4 * v) * u, 0.8 * v, 0.6 * v), Rectangle((-1, 1), (0, 1))
+    )
+    scene = Scene(surface, Net(ks=1.0), (Elongation(),))
+    certificate = solve(scene, maxh=0.7, barrier_end=weight).certificate()
+    assert certificate.barrier_share == pytest.approx(1, abs=0.02)
+    assert 0.15 < certificate.barrier_strain / np.sqrt(weight) < 0.4
+    assert certificate.certified == sound and ("barrier is to blame" in str(certificate)) != sound
+
+
+@pytest.mark.parametrize("name, most", [("chebyshev", 7), ("hemisphere", 9)])
+def test_few_factorisations_and_no_symbolic_form(name, most, monkeypatch):
+    """Two norms of equilibrium, both orders of stationarity, each symmetry of the curvature, one of
+    them twice: where it is negative."""
+    result, count = solved(name), []
+
+    def counted(matrix):
+        count.append(matrix.shape)
+        return factorised(matrix)
+
+    for module in (stationarity, equilibrium):
+        monkeypatch.setattr(module, "factorised", counted)
+    monkeypatch.delattr(ngs, "BilinearForm")
+    monkeypatch.delattr(ngs, "LinearForm")
+    assert result.certificate().certified and len(count) <= most
+
+
 def test_folded():
     certificate = covered(lambda x, y: (x - 0.8 * x * x, y)).certificate()
     assert certificate.jacobian == pytest.approx(-0.6, abs=1e-9)
@@ -182,10 +199,27 @@ def test_saddle():
     assert stable.certified and stable.curvature == pytest.approx(0, abs=1e-9)
 
 
-@pytest.mark.parametrize("flips", [(0, 0), (1, 1)])
-def test_curvature_against_dense_algebra(flips):
+def nose_cone():
+    """Half a cone's skin; its warp has no stress but what keeps it taut."""
+
+    def chart(t, z):
+        return (1 - 0.4 * z) * t**2, 0.178 * (1 - 0.4 * z) * t, 2 * z
+
+    domain = Rectangle((-0.5, 0.5), (0, 1))
+    return Scene(Surface(chart, domain), Net(ks=0.1), (Elongation(),))
+
+
+@pytest.mark.parametrize(
+    "make, maxh, flips",
+    [
+        (lambda: hemicatenoid(1.0), 0.7, (0, 0)),
+        (lambda: hemicatenoid(1.0), 0.7, (1, 1)),
+        (nose_cone, 0.5, (0, 0)),
+    ],
+)
+def test_curvature_against_dense_algebra(make, maxh, flips):
     """The Hessian on the null space of the linearised equilibrium, by SVD."""
-    result = solve(hemicatenoid(1.0), maxh=0.7)
+    result = solve(make(), maxh=maxh)
     point = StationaryPoint(Patch(result), result.settings)
     pencil = Pencil(point, point.remainder(2)[1])
     free = pencil.system.free(flips)

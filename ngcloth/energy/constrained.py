@@ -101,7 +101,9 @@ class ConstrainedLagrangian(Discretisation):
         -----
         In barriers a point counts as the mean one of the rule in its triangle does.
         """
-        self.limit_points = self.limit_points.joined(added)
+        known, self.limit_points = self.limit_points, self.limit_points.joined(added)
+        if len(known.triangles) == len(self.limit_points.triangles):
+            return
         inside = self.weights[self.parts[0]].reshape(self.sheet.mesh.ne, -1).mean(axis=1)
         weights = inside[self.limit_points.triangles]
         self.weights = np.concatenate([self._rule_weights, weights])

@@ -11,6 +11,7 @@ from urllib.parse import quote
 import numpy as np
 
 from ..errors import InputError
+from ..problem.bars import with_bar
 from ..problem.domain import MeshDomain
 from .files import checked_file, write_file
 from .plot import (
@@ -122,11 +123,15 @@ def _certificate(certificate):
 
 
 def _numbers(result):
+    bars, unit = result.error, result.scene.normalisation
+    normalized = bars["energy"] and bars["energy"] / unit
     rows = [
-        ("energy E [stiffness × length²]", f"{result.energy:.6g}"),
-        ("energy E/(2π kc)", f"{result.normalized_energy:.6g}"),
-        ("area of the flat patch [length²]", f"{result.area:.6g}"),
+        ("energy E [stiffness × length²]", with_bar(f"{result.energy:.6g}", bars["energy"])),
+        ("energy E/(2π kc)", with_bar(f"{result.normalized_energy:.6g}", normalized)),
+        ("area of the flat patch [length²]", with_bar(f"{result.area:.6g}", bars["area"])),
     ]
+    if bars["outline"] is not None:
+        rows.append(("outline [length]", with_bar("", bars["outline"]).strip()))
     if result.scene.constraints:
         rows.append(("force out of equilibrium, share", f"{result.equilibrium_residual:.2g}"))
     return [

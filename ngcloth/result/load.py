@@ -15,6 +15,7 @@ from .. import scenes
 from ..errors import InputError, check_integer
 from ..geometry.file_surface import FileSurface, curvature_order
 from ..geometry.sheet import mesh_points, planar_mesh, sheet_through
+from ..problem.bars import UNKNOWN, read
 from ..problem.constraints import LimitPoints
 from ..problem.kinematics import Kinematics, gradient
 from ..problem.scene import Scene
@@ -88,6 +89,7 @@ def restored(files, scene=None, folder="pickle"):
             "cost": float(record["cost"]),
             "newton_iterations": int(record["newton_iterations"]),
             "seconds": float(record["seconds"]),
+            "error": read(record.get("error", UNKNOWN)),  # none in files of before
         }
     with _reading(folder, "scene.npz"):
         expected = plain_arrays(files["scene.npz"], LARGEST["scene.npz"])

@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import InputError, check_integer
 from ..geometry.file_surface import FileSurface
 from ..geometry.sheet import Sheet
+from ..problem.bars import UNKNOWN, with_bar
 from ..problem.constraints import LimitPoints
 from ..problem.domain import MeshDomain
 from ..problem.kinematics import Kinematics, gradient
@@ -45,6 +46,10 @@ class Result(TakenAway):
         The surface on the mesh of ψ.
     limit_points : LimitPoints
         Where the solve asked limits beside the points of its rules.
+    error : dict
+        How far "energy", "area" and "outline" (its farthest point) may be from the truth, in their
+        own units: {"energy": ±, …}. None where that is not estimated, as without a chain of meshes,
+        and infinite where these are too coarse to tell.
     """
 
     scene: Scene
@@ -57,6 +62,7 @@ class Result(TakenAway):
     settings: dict
     sheet: Sheet = field(repr=False)
     limit_points: LimitPoints = field(default=LimitPoints(), repr=False)
+    error: dict = field(default_factory=lambda: dict(UNKNOWN))
 
     @property
     def converged(self):
@@ -276,9 +282,15 @@ class Result(TakenAway):
         many = (
             "\n  one of many nets: the one that bends most evenly" if self.scene.net_choice else ""
         )
+        bar, unit = self.error["energy"], self.scene.normalisation
+        energy = with_bar(f"{self.normalized_energy:.6e}", bar and bar / unit)
+        area = with_bar(f"{self.area:.6f}", self.error["area"])
+        asked = self.settings.get("accuracy", np.inf)
+        short = bar is not None and bar > asked * abs(self.energy)
+        short = f"\n  the accuracy of {asked:g} that was asked for is not reached" if short else ""
         return (
             f"{self.scene.name}: {self.why}\n"
-            f"  E/(2π kc) = {self.normalized_energy:.6e}, patch area {self.area:.6f}\n"
+            f"  E/(2π kc) = {energy}, patch area {area}{short}\n"
             f"  λ1 in [{low:.6f}, {high:.6f}], "
             f"|γ| up to {shear:.6f}, threads at {angle:.1f}° or more{many}\n"
             f"  {self.newton_iterations} Newton steps, {self.seconds:.2f} s"

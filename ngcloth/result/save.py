@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry.file_surface import FileSurface
+from ..problem.bars import written
 from ..problem.kinematics import Kinematics
 from .history import COLUMNS
 from .reading import is_plain
@@ -291,6 +292,7 @@ def _record(result):
         "newton_iterations": result.newton_iterations,
         "seconds": result.seconds,
         "settings": result.settings,
+        "error": written(result.error),
         "summary": {
             "converged": result.converged,
             "energy": result.energy,

@@ -17,7 +17,10 @@ from .saddle_exit import leave_saddle
 from .saddle_system import SaddleSystem
 from .start import near_start
 
-FIRST_MU, LOWER_MU = 1.0, 0.2  # the first barrier's weight, and a barrier's over the one before
+# The first barrier's weight, that from the patch of a coarser mesh, and a barrier's over the one
+# before; where none is given, the last is this part of the cost per area: it no longer shows.
+FIRST_MU, WARM_MU, LOWER_MU, UNSEEN = 1.0, 1e-2, 0.2, 1e-4
+LEAST_MU = 1e-12  # where the cost vanishes, as on what can be unrolled
 HIGHER = 16  # times the 1/Δt that was too low
 # Above this 1/Δt v is given up, and rates do not last: the barrier's Hessian would no longer bend
 # steps from the boundary.
@@ -44,13 +47,13 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
         Its `state` is moved.
     recorder : Recorder
         Keeps budget and history, and the memory of an earlier run to go on from.
-    last_mu : float
-        The barrier weight, relative to kc, at which to stop; in a scene without limits the
-        tolerance.
+    last_mu : float or None
+        The barrier weight, relative to kc, at which to stop, by default `unseen` ones; in a scene
+        without limits the tolerance.
     phase : str, optional
         The name of the rows of history.
     warm : bool, optional
-        Whether `state` nearly is the solution at μ = `FIRST_MU`, and not the scene's start.
+        Whether `state` nearly is the solution, and not the scene's start.
 
     Returns
     -------
@@ -64,18 +67,20 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
     if not (warm or recorder.memory):
         near_start(problem, recorder)
     # Without limits there is no barrier to weaken.
-    iterate = Iterate(problem, FIRST_MU if limited else last_mu)
+    iterate = Iterate(problem, (WARM_MU if warm else FIRST_MU) if limited else last_mu)
     if recorder.memory:
         iterate.recall(recorder.memory)
+    again = False  # whether it has begun anew where no step was accepted
     saddle = np.inf  # the cost of the one that was left last
     while not recorder.exhausted:
         error = iterate.error()
         near = error <= (NEARLY if iterate.rate < HIGHER else CENTRED) * iterate.mu
-        if iterate.mu > last_mu and near:
+        end = unseen(problem) if last_mu is None else last_mu
+        if iterate.mu > end and near:
             iterate.exchange()
-            iterate.lower_mu(last_mu)
+            iterate.lower_mu(end)
             continue
-        if iterate.mu <= last_mu and error <= iterate.mu and iterate.at_rest:
+        if iterate.mu <= end and error <= iterate.mu and iterate.at_rest:
             if iterate.exchange():
                 continue
             cost = problem.cost()
@@ -91,8 +96,21 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
             value = iterate.lagrangian()
             recorder.record(problem, phase, 1 / rate, value, error, **told, **iterate.memory())
         elif iterate.refusals > PATIENCE:
+            if limited and not again:
+                again = True
+                iterate.begin_anew()
+                continue
             return Reason.BLOCKED if iterate.c.min(initial=1) > 0 else Reason.INFEASIBLE
     return recorder.why
+
+
+def unseen(problem):
+    """The weight μ of a barrier that no longer shows: a fraction of the cost per area.
+
+    A weight that is nearly as small, as the cost falls on, is small enough.
+    """
+    least = max(UNSEEN * abs(problem.cost()) / problem.area, LEAST_MU)
+    return problem.mu if least <= problem.mu <= 2 * least else least
 
 
 class Iterate:
@@ -145,7 +163,7 @@ class Iterate:
 
     def lower_mu(self, last_mu):
         """Weaken the barrier."""
-        self.mu_before, lower = self.mu, min(LOWER_MU * self.mu, self.mu**1.5)
+        self.mu_before, lower = self.mu, min(LOWER_MU * self.mu, self.mu**1.25)
         self.mu = self.problem.mu = lower if lower >= 2 * last_mu else last_mu
         self.filter.pairs = []  # the objective has changed
 
@@ -216,10 +234,10 @@ class Iterate:
         self.rate = min(self.rate, LASTING_RATE)
         self.slow_steps = self.slow_steps + 1 if used > LASTING_RATE else 0
         if self.slow_steps == PATIENCE and self.problem.slack_names:
-            self._begin_anew()
+            self.begin_anew()
         return used, length
 
-    def _begin_anew(self):
+    def begin_anew(self):
         """Give up s, z and v, at the barrier before.
 
         Where limits leave hardly any room between them, z has grown beyond what any 1/Δt makes up
@@ -227,7 +245,7 @@ class Iterate:
         """
         self.problem.unknowns[self.problem.psi_dofs.stop :] = 0
         self._begin(self.mu_before)
-        self.rate, self.slow_steps = 1.0, 0
+        self.rate, self.refusals, self.slow_steps = 1.0, 0, 0
 
     def _direction(self, recorder):
         """Solve for the step in ψ and v, and return that of s and z."""

@@ -7,15 +7,14 @@ from netgen.occ import OCCGeometry
 from ..geometry.file_surface import FileSurface
 
 COARSEST = 0.3  # mesh size over diameter
-REFINEMENTS = 2  # of a mesh, to give the next finer one
-COARSER = 2**REFINEMENTS
+COARSER = 2  # the size of each over that of the next finer one, which is a refinement of it
 
 
 def make_sheets(scene, maxh, order):
     """The surface on the meshes that a scene is solved on, a `Sheet` each, the finest last."""
     levels, surface = coarser_levels(scene, maxh), scene.surface
     if isinstance(surface, FileSurface):
-        return surface.sheets(maxh, order, REFINEMENTS * levels)[::REFINEMENTS]
+        return surface.sheets(maxh, order, levels)
     sizes = [maxh * COARSER**level for level in reversed(range(levels + 1))]
     return [surface.on(make_mesh(scene, size, order)) for size in sizes]
 
@@ -29,7 +28,7 @@ def make_mesh(scene, maxh, order):
     face = scene.surface.domain.face(scene.symmetric)
     levels = coarser_levels(scene, maxh)
     mesh = OCCGeometry(face, dim=2).GenerateMesh(maxh=maxh * COARSER**levels)
-    for _ in range(levels * REFINEMENTS):
+    for _ in range(levels):
         mesh.Refine()
     mesh = ngs.Mesh(mesh)
     mesh.Curve(order)

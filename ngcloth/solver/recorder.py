@@ -22,8 +22,8 @@ class Recorder:
     after_step : callable, optional
         Called after each accepted step without arguments; the solve stops if it returns True.
     checkpoint : Checkpoint, optional
-        Where to keep each accepted step on the solve's own mesh, not on coarser ones that find it
-        a start; the solve goes on from one that is there.
+        Where to keep each accepted step on the solve's own mesh, not on coarser and finer ones; the
+        solve goes on from one that is there.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Recorder:
         self.problem, self._state = problem, problem.unknowns.copy()
         if self.log:
             self.log(str(row))
-        if self._checkpoint and phase != "coarse":
+        if self._checkpoint and phase not in ("coarse", "finer"):
             self._tried(self._checkpoint.write, self._state, self.rows, memory)
         if self._after_step and self._after_step():
             self._called_off = True

@@ -12,8 +12,8 @@ FLOWS = {"adaptive": adaptive_flow, "paper": fixed_flow}
 INVERSES = ("sparsecholesky", "umfpack")
 HIGHEST = 14  # order of ψ: NGSolve ends the process at rules for orders beyond
 KNOWN = (
-    "maxh, order, multiplier_order, quadrature, barrier_end, tolerance, max_steps, max_seconds, "
-    "schedule, linearisation, inverse, log, callback, checkpoint, throw"
+    "maxh, order, accuracy, multiplier_order, quadrature, barrier_end, tolerance, max_steps, "
+    "max_seconds, schedule, linearisation, inverse, log, callback, checkpoint, throw"
 )
 
 
@@ -22,6 +22,7 @@ def checked_settings(
     *,
     maxh,
     order,
+    accuracy,
     multiplier_order,
     quadrature,
     barrier_end,
@@ -38,7 +39,9 @@ def checked_settings(
     InputError
         If one is out of bounds, whether the scene uses it or not.
     """
-    maxh = 0.02 * scene.surface.diameter if maxh is None else maxh
+    limited = bool(scene.constraints)
+    maxh = (0.04 if limited else 0.02) * scene.surface.diameter if maxh is None else maxh
+    order = (3 if limited else 2) if order is None else order
     order = check_integer("order", order, 1, HIGHEST)
     degree = 2 * order + 2 if quadrature is None else quadrature
     settings = {
@@ -52,15 +55,20 @@ def checked_settings(
     }
     _one_of("linearisation", linearisation, LINEARISATIONS)
     tolerance = check_number("tolerance", tolerance, 0, open_low=True)
-    barrier_end = check_number("barrier_end", barrier_end, 0, 1, open_low=True)
+    if barrier_end is not None:
+        barrier_end = check_number("barrier_end", barrier_end, 0, 1, open_low=True)
+    if accuracy is not None:
+        accuracy = check_number("accuracy", accuracy, 0, 1, open_low=True)
     if scene.in_equilibrium:
         settings["linearisation"] = linearisation
         # With more multipliers than unknowns the matrix is singular.
         degree = order if multiplier_order is None else multiplier_order
         settings["multiplier_order"] = check_integer("multiplier_order", degree, 1, order)
-    if scene.constraints:
+    if limited:
         settings["barrier_end"] = barrier_end
-    if not scene.constraints or schedule == "paper":
+        if accuracy is not None:
+            settings["accuracy"] = accuracy
+    if not limited or schedule == "paper":
         settings["tolerance"] = tolerance
     return settings
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..energy.lagrangian import Lagrangian
 from ..errors import InputError, SolveError, check_number
 from ..problem.cost_size import normalised
 from ..problem.scene import Scene
@@ -13,13 +12,13 @@ from ..result.alone import alone
 from ..result.history import Reason
 from ..result.result import Result
 from ..result.save import fingerprint
+from .chain import discretised, run, run_finer
 from .checkpoint import Checkpoint
-from .interior_point import FIRST_MU, interior_point
+from .error import with_error
+from .interior_point import unseen
 from .meshes import COARSER, coarser_levels, make_sheets
-from .net_choice import chosen_net
 from .recorder import Recorder
-from .saddle_flow import saddle_flow
-from .settings import FLOWS, KNOWN, LINEARISATIONS, checked_settings
+from .settings import KNOWN, checked_settings
 from .size import check_memory, check_seconds
 
 QUARTER_TURN = np.array([[0, 1], [-1, 0]])
@@ -29,11 +28,12 @@ QUARTER_TURN = np.array([[0, 1], [-1, 0]])
 def solve(
     scene,
     maxh=None,
-    order=2,
+    order=None,
     *,
+    accuracy=None,
     multiplier_order=None,
     quadrature=None,
-    barrier_end=1e-3,
+    barrier_end=None,
     tolerance=1e-6,
     max_steps=500,
     max_seconds=np.inf,
@@ -54,9 +54,15 @@ def solve(
         What to cover with what.
     maxh : float, optional
         Largest element size in the parameter plane, for surfaces from files in space. By default
-        2 % of the domain's diameter, or of that of a disk as large as the file's surface.
+        2 % of the domain's diameter, or of that of a disk as large as the file's surface; 4 % in
+        scenes with limits.
     order : int, optional
-        Polynomial order of ψ, 1 to 14. Default 2.
+        Polynomial order of ψ, 1 to 14. Default 3 in scenes with limits, 2 in others.
+    accuracy : float, optional
+        In scenes with limits, the relative error of the energy, by the bar of `Result.error`, above
+        which meshes of half the size follow, as long as steps, seconds and memory last. The result
+        is the last that converged, and its text says what was reached. By default there is one
+        chain of meshes, down to `maxh`.
     multiplier_order : int, optional
         Polynomial order of the multiplier v of equilibrium, in scenes with constraints. By
         default that of ψ: with order 1, as in the paper, a layer one element wide along the rim
@@ -65,7 +71,8 @@ def solve(
         Degree of the integration rules, at whose points inside and along the rim limits hold. By
         default ``2 * order + 2``; at most 30.
     barrier_end : float, optional
-        The barrier weight μ over kc at which a solve with constraints ends, at most 1. Default
+        The barrier weight μ over kc at which a solve with constraints ends, at most 1. By default
+        1e-4 of the cost per area, where the barrier no longer shows; with the "paper" schedule
         1e-3.
     tolerance : float, optional
         The solve ends where the decrease of the Lagrangian still in sight is below this fraction
@@ -120,9 +127,10 @@ def solve(
     Notes
     -----
     Scenes with limits are solved on coarser meshes first. Each mesh is a refinement of the one
-    before, four times as fine, and each patch a start for the next. Their rows in the history are
-    of phase "coarse", and a solve that stops there returns that patch, as its ``settings["maxh"]``
-    says.
+    before, with triangles of half the size, and each patch a start for the next. Their rows in the
+    history are of phase "coarse", and a solve that stops there returns that patch, as its
+    ``settings["maxh"]`` says. How patches change from mesh to mesh tells the error of the last. A
+    solve that goes on from a checkpoint knows but the last mesh, and no error.
 
     Ctrl-C ends the solve with ``Reason.INTERRUPTED`` and the last accepted step.
 
@@ -145,6 +153,7 @@ def solve(
         scene,
         maxh=maxh,
         order=order,
+        accuracy=accuracy,
         multiplier_order=multiplier_order,
         quadrature=quadrature,
         barrier_end=barrier_end,
@@ -168,6 +177,9 @@ def solve(
 
     def outcome(reason):
         problem = recorder.problem or whole
+        known = problem.settings
+        if "barrier_end" in known and known["barrier_end"] is None:
+            known = known | {"barrier_end": float(unseen(problem))}
         return Result(
             scene=scene,
             state=problem.state,
@@ -176,7 +188,7 @@ def solve(
             newton_iterations=recorder.newton,
             seconds=recorder.seconds,
             history=list(recorder.rows),
-            settings=problem.settings,
+            settings=known,
             sheet=problem.sheet,
             limit_points=problem.limit_points,
         )
@@ -194,17 +206,25 @@ def solve(
         checkpoint,
     )
     *coarser, sheet = make_sheets(scene, settings["maxh"], settings["order"])
-    whole = _discretised(solved, sheet, settings)
+    whole, levels = discretised(solved, sheet, settings), []
+
+    def level():
+        """Keep what was found on a mesh; the result so far."""
+        levels.append(outcome(Reason.CONVERGED))
+        return with_error(levels)
+
     try:
         recorder.resume(whole)
-        reason = _run(whole, recorder, settings, coarser)
+        reason = run(whole, recorder, coarser, level)
+        result = level() if reason is Reason.CONVERGED else outcome(reason)
+        while _falls_short(result) and run_finer(recorder) is Reason.CONVERGED:
+            result = level()
     except KeyboardInterrupt:
         if not recorder.restore():
             raise
-        reason = Reason.INTERRUPTED
-    result = outcome(reason)
+        result = outcome(Reason.INTERRUPTED)
     if result.converged and not result.unfolded:
-        result = outcome(Reason.FOLDED)
+        result = replace(result, reason=Reason.FOLDED)
     if result.converged:
         recorder.forget()
     if log:
@@ -212,6 +232,14 @@ def solve(
     if throw and not result.converged:
         raise SolveError(result)
     return result
+
+
+def _falls_short(result):
+    """Whether a finer mesh is asked for."""
+    accuracy, bar = result.settings.get("accuracy"), result.error["energy"]
+    if accuracy is None or not result.converged:
+        return False
+    return bar is None or bar > accuracy * abs(result.energy)
 
 
 def minima(scene, starts, **settings):
@@ -251,51 +279,3 @@ def _same_minimum(one, other):
     )
     turned = (there @ np.linalg.matrix_power(QUARTER_TURN, n) for n in range(4))
     return near and any(np.abs(here - x).max() <= 1e-2 * np.abs(here).max() for x in turned)
-
-
-def _discretised(scene, sheet, settings):
-    arguments = (settings[name] for name in ("order", "quadrature", "inverse"))
-    if scene.in_equilibrium:
-        kind = LINEARISATIONS[settings["linearisation"]]
-        problem = kind(scene, sheet, *arguments, settings["multiplier_order"])
-    else:
-        gauss_newton = scene.inextensible and settings["schedule"] == "adaptive"
-        problem = Lagrangian(scene, sheet, *arguments, gauss_newton)
-    problem.settings = settings  # the mesh may be a coarser one than the user's
-    return problem
-
-
-def _run(problem, recorder, settings, coarser):
-    scene, tolerance = problem.scene, settings.get("tolerance")
-    if scene.in_equilibrium:
-        if settings["schedule"] == "paper":
-            return saddle_flow(problem, recorder, settings.get("barrier_end", 0), tolerance)
-        warm = not recorder.memory and _start_from_coarser(problem, recorder, coarser)
-        if recorder.exhausted:
-            return recorder.why
-        return interior_point(problem, recorder, settings.get("barrier_end", tolerance), warm=warm)
-    flow = FLOWS[settings["schedule"]]
-    if scene.tie_break:
-        return chosen_net(problem, recorder, flow, tolerance)
-    return flow(problem, recorder, "flow", tolerance)
-
-
-def _start_from_coarser(problem, recorder, sheets):
-    """Set the state to the solution of the next coarser problem, at a stronger barrier, if it fits.
-
-    Returns whether it does; else the state is as it was. Where the limits are active, and how far
-    the patch is from its start, is found where steps are cheap.
-    """
-    if not sheets:
-        return False
-    settings = problem.settings | {"maxh": COARSER * problem.settings["maxh"]}
-    coarse = _discretised(problem.scene, sheets[-1], settings)
-    warm = _start_from_coarser(coarse, recorder, sheets[:-1])
-    reason = interior_point(
-        coarse, recorder, max(FIRST_MU, settings["barrier_end"]), phase="coarse", warm=warm
-    )
-    given = problem.unknowns.copy()
-    if reason is Reason.CONVERGED and problem.take(coarse.state):
-        return True
-    problem.unknowns[:] = given
-    return False

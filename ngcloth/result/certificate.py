@@ -10,6 +10,7 @@ import ngsolve as ngs
 import numpy as np
 
 from ..output.planar import crossing
+from ..problem.bars import with_bar
 from ..problem.constraints import Elongation, Obstacle, ShearLimit
 from ..problem.kinematics import Kinematics, gradient
 from .bernstein import basis, lattice, product
@@ -130,6 +131,10 @@ class Certificate:
         over itself. One that falls for ever, as the patch shrinks, leaves no force.
     one_of_many : bool
         Whether the patch is one among Chebyshev nets that are as good, chosen to bend evenly.
+    energy : float
+        `Result.normalized_energy`.
+    energy_error : float or None
+        Of `Result.error`, in the same unit: estimated, not proven.
     """
 
     limits: tuple
@@ -151,6 +156,8 @@ class Certificate:
     asymmetric_curvature: float | None
     in_sight: float | None
     one_of_many: bool
+    energy: float
+    energy_error: float | None
 
     @property
     def certified(self):
@@ -205,7 +212,8 @@ class Certificate:
             optimum += f", the barrier strains by {self.barrier_strain:.1g}"
         if self.one_of_many:
             optimum += ", one of many, chosen to bend evenly"
-        return [proofs, f"{samples} at the points of a lattice", optimum]
+        energy = f"E/(2π kc) = {with_bar(f'{self.energy:.4e}', self.energy_error)}"
+        return [proofs, f"{samples} at the points of a lattice", optimum, energy]
 
     def __str__(self):
         if self.faults:
@@ -229,7 +237,7 @@ def verify(result):
         multipliers found from ψ, and of no negative curvature. In a symmetric scene, a minimum
         among symmetric patches.
     """
-    patch = Patch(result)
+    patch, bar = Patch(result), result.error["energy"]
     between = Between(patch)
     found = {
         "stress": np.nan,
@@ -256,6 +264,8 @@ def verify(result):
         overlap=crossing(*_outlines(result)),
         equilibrium=equilibrium_residual(patch) if result.scene.in_equilibrium else None,
         one_of_many=result.scene.net_choice > 0,
+        energy=float(result.normalized_energy),
+        energy_error=None if bar is None else float(bar / result.scene.normalisation),
         **found,
     )
 

@@ -44,10 +44,10 @@ class Triangles:
         """One number for two vertices, (..., 2)."""
         return pairs.min(axis=-1) * self.mesh.nv + pairs.max(axis=-1)
 
-    def boundary(self, *names):
-        """The numbers of the sides on boundaries of these names."""
+    def boundary(self, name):
+        """The numbers of the sides on boundaries of this name."""
         edges = self.mesh.ngmesh.Elements1D().NumPy()
-        known = np.array([name in names for name in self.mesh.GetBoundaries()], dtype=bool)
+        known = np.array([name == each for each in self.mesh.GetBoundaries()], dtype=bool)
         chosen = edges["nodes"][known[edges["index"] - 1], :2].astype(np.int64) - 1
         return np.searchsorted(self._sides, self._key(chosen))
 
@@ -98,7 +98,7 @@ class Space:
     """
 
     def __init__(self, triangles, order):
-        self.order, self._triangles = order, triangles
+        self.order, self._triangles, self._known = order, triangles, {}
         alphas, vertices = bernstein.exponents(order), triangles.vertices
         first, more = triangles.mesh.nv, order - 1
         self.dofs = np.empty((len(triangles), len(alphas)), dtype=np.int64)
@@ -129,12 +129,20 @@ class Space:
     def on(self, *names):
         """Which functions do not vanish on boundaries of these names, (ndof,) bool."""
         there = np.zeros(self.ndof, dtype=bool)
-        sides, alphas = self._triangles.boundary(*names), bernstein.exponents(self.order)
-        triangles, number = self._triangles.touching(sides)
-        for side, (a, b) in enumerate(SIDES):
-            on_side = alphas[:, 3 - a - b] == 0
-            there[self.dofs[np.ix_(triangles[number == side], on_side)]] = True
+        for name in names:
+            there[self._on(name)] = True
         return there
+
+    def _on(self, name):
+        """The numbers of these, of one boundary."""
+        if name not in self._known:
+            numbers, alphas = [], bernstein.exponents(self.order)
+            triangles, which = self._triangles.touching(self._triangles.boundary(name))
+            for side, (a, b) in enumerate(SIDES):
+                on_side = alphas[:, 3 - a - b] == 0
+                numbers.append(self.dofs[np.ix_(triangles[which == side], on_side)].ravel())
+            self._known[name] = np.concatenate(numbers)
+        return self._known[name]
 
     @cached_property
     def pairs(self):

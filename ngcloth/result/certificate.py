@@ -25,6 +25,9 @@ PUSH = 1e-3  # of the largest reaction: by which others may be negative
 FINE = 24  # points along a side at which limits are sampled
 SETTLED = 1e-2  # of a cost: how far it may still fall
 EQUILIBRIUM = 0.1  # `Result.equilibrium_residual`
+UNFELT = (
+    1e-3  # of kc: a part of the stress that need not be in equilibrium, as an error of the mesh
+)
 BARRIER = (
     1e-2  # of the cost: what a barrier may be to blame for, if it strains by more than `LIMIT`
 )
@@ -93,7 +96,7 @@ class Certificate:
         A point X of the patch where its rim meets itself. With J > 0 and none, ψ is injective.
     equilibrium : float or None
         `Result.equilibrium_residual`; None without limits or a cost of the scene's own, where
-        stationarity implies it.
+        stationarity implies it. Of a stress that is an error of the mesh it tells nothing.
     stress : float
         The scale of `stationarity`, and of `curvature`.
     stationarity : float
@@ -174,7 +177,9 @@ class Certificate:
             faults.append("J > 0 not proven between the points")
         if self.overlap is not None:
             faults.append(f"the rim meets itself at X = {_point(self.overlap)}")
-        if self.equilibrium is not None and not self.equilibrium <= EQUILIBRIUM:
+        if self.equilibrium is not None and not (
+            self.equilibrium <= EQUILIBRIUM or self.equilibrium * self.stress <= UNFELT
+        ):
             faults.append(f"{self.equilibrium:.2g} of the force is not in equilibrium")
         if not self.stationarity <= self.stationarity_tolerance:
             faults.append(f"not stationary, {self.stationarity:.2g} of the stress")

@@ -24,8 +24,6 @@ SHARP = 3e-4  # of λ and |γ|: what proofs lose at most, if that does not take 
 PUSH = 1e-3  # of the largest reaction: by which others may be negative
 FINE = 24  # points along a side at which limits are sampled
 SETTLED = 1e-2  # of a cost: how far it may still fall
-EQUILIBRIUM = 0.1  # `Result.equilibrium_residual`
-UNFELT = (
     1e-3  # of kc: a part of the stress that need not be in equilibrium, as an error of the mesh
 )
 BARRIER = (
@@ -96,7 +94,9 @@ class Certificate:
         A point X of the patch where its rim meets itself. With J > 0 and none, ψ is injective.
     equilibrium : float or None
         `Result.equilibrium_residual`; None without limits or a cost of the scene's own, where
-        stationarity implies it. Of a stress that is an error of the mesh it tells nothing.
+        stationarity implies it.
+    equilibrium_tolerance : float
+        What of it is accepted: a tenth, or what is a thousandth of kc, an error of the mesh.
     stress : float
         The scale of `stationarity`, and of `curvature`.
     stationarity : float
@@ -146,6 +146,7 @@ class Certificate:
     unfolded: bool
     overlap: tuple | None
     equilibrium: float | None
+    equilibrium_tolerance: float
     stress: float
     stationarity: float
     stationarity_tolerance: float
@@ -177,9 +178,7 @@ class Certificate:
             faults.append("J > 0 not proven between the points")
         if self.overlap is not None:
             faults.append(f"the rim meets itself at X = {_point(self.overlap)}")
-        if self.equilibrium is not None and not (
-            self.equilibrium <= EQUILIBRIUM or self.equilibrium * self.stress <= UNFELT
-        ):
+        if self.equilibrium is not None and not self.equilibrium <= self.equilibrium_tolerance:
             faults.append(f"{self.equilibrium:.2g} of the force is not in equilibrium")
         if not self.stationarity <= self.stationarity_tolerance:
             faults.append(f"not stationary, {self.stationarity:.2g} of the stress")
@@ -245,6 +244,7 @@ def verify(result):
     patch, bar = Patch(result), result.error["energy"]
     between = Between(patch)
     found = {
+        "equilibrium_tolerance": np.nan,
         "stress": np.nan,
         "stationarity": np.inf,
         "stationarity_tolerance": np.nan,

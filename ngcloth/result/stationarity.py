@@ -13,6 +13,8 @@ AT_REST = 1e-2  # of the stress: what may be unbalanced in a scene without limit
 BALANCED = 1e-3  # and in one with limits, or as much as a barrier can achieve
 ROUND_OFF = 1e-9  # stress over kc that counts as none
 RESOLVED = 0.05  # of the stress, or of kc: what a richer space may find unbalanced
+EQUILIBRIUM = 0.1  # of the force: what may be out of equilibrium
+UNFELT = 1e-3  # of kc: what of a stress may be, as an error of the mesh
 FLAT = 1e-2  # of the stress: curvature that counts as zero
 SOFT = 1e-10  # on the diagonal of v, over what couples it to ψ, for lack of pivoting
 REFINEMENTS = 4  # that undo this, or a shift
@@ -86,6 +88,7 @@ class StationaryPoint:
             "stationarity_tolerance": self._tolerance(),
             # A Chebyshev net has no stress but the error of the mesh.
             "richer_tolerance": RESOLVED * max(1.0, self.size / stress),
+            "equilibrium_tolerance": max(EQUILIBRIUM, UNFELT * self.size / stress),
             "curvature_tolerance": FLAT * stress,
         }
         return found | self._about_psi() if self.interior else found

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 POINTS = 200  # of the outlines that are compared
-# A change of the energy that is larger, over the energy, has to be followed by one of the same sign
-# that is smaller by this factor; else meshes are too coarse for any estimate.
-LARGE, SMALLER = 1e-2, 0.6
-LARGEST = 0.3  # of the energy: a change that is no estimate
+# Energies tend to a limit where a change of more than the first, over the energy, is followed by one
+# of the same sign that is smaller by the second, and a smaller one by one that is as small. Of a
+# single change all that can be asked is that it is below the third.
+LARGE, SMALLER, LARGEST = 1e-2, 0.6, 0.1
 
 
 def with_error(levels):
@@ -50,8 +50,8 @@ def with_error(levels):
 def _settles(changes, energy):
     """Whether energies on meshes of the chain tend to a limit."""
     sizes = np.abs(changes)
-    if sizes[-1] > LARGEST * energy:
-        return False
-    if len(sizes) < 2 or sizes[0] <= LARGE * energy:
-        return True
+    if len(sizes) == 1:
+        return sizes[0] <= LARGEST * energy
+    if sizes[0] <= LARGE * energy:
+        return sizes[1] <= LARGE * energy
     return changes[0] * changes[1] > 0 and sizes[1] <= SMALLER * sizes[0]

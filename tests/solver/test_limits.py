@@ -42,7 +42,7 @@ def test_without_active_limit_equilibrium_costs_nothing():
         scene = Scene(surface, Net(ks=1.0), (Never(),), symmetric=True)
         return solve(scene, maxh=maxh, barrier_end=1e-7)
 
-    free = solve(Scene(surface, Net(ks=1.0), symmetric=True), maxh=0.3, tolerance=1e-12)
+    free = solve(Scene(surface, Net(ks=1.0), symmetric=True), maxh=0.3, order=3, tolerance=1e-12)
     coarse, fine = never(0.3), never(0.15)
     assert coarse.converged and fine.converged and free.converged
     assert coarse.normalized_energy == pytest.approx(free.normalized_energy, rel=1e-4)
@@ -72,7 +72,7 @@ def test_barrier_bias_falls_like_mu():
 )
 def test_hemisphere(ks, energy, stretch, slack):
     """Energies are the limits of orders 4 and 6; stretches those of maxh 0.05."""
-    coarse, fine = solved(ks, 0.3), solved(ks, 0.15)
+    coarse, fine = solved(ks, 0.3, order=2), solved(ks, 0.15, order=2)
     assert_solved(coarse, 3 * slack)
     assert_solved(fine, slack)
     assert fine.normalized_energy == pytest.approx(energy[0], abs=energy[1])
@@ -112,7 +112,7 @@ def test_sphere_with_shear_limit():
     """All energy that is left is the limit's: a barrier of 1e-3 would cost three times as much."""
     limit = float(np.cos(np.pi / 6))
     result = solve(sphere(0.6, shear_limit=limit), maxh=0.15, order=3, barrier_end=1e-5)
-    assert_solved(result, slack=1e-3, shear=limit)
+    assert_solved(result, slack=1e-3, shear=limit, steps=120)
     assert result.normalized_energy == pytest.approx(1.0e-4, rel=5e-2)
     assert result.extrema["shear"][1] > 0.98 * limit  # it binds
 
@@ -165,7 +165,7 @@ def test_quarter_and_whole_agree():
 def test_shear_ten_thousand_times_as_stiff_as_threads():
     """Cloth that can hardly shear."""
     result = solve(hemicatenoid(1e4), maxh=0.35, order=3)
-    assert_solved(result, slack=1e-3)
+    assert_solved(result, slack=1e-3, steps=300)
     assert result.normalized_energy == pytest.approx(0.21, rel=0.01)
     assert result.extrema["shear"][1] < 0.002
 

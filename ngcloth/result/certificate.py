@@ -24,11 +24,7 @@ SHARP = 3e-4  # of λ and |γ|: what proofs lose at most, if that does not take 
 PUSH = 1e-3  # of the largest reaction: by which others may be negative
 FINE = 24  # points along a side at which limits are sampled
 SETTLED = 1e-2  # of a cost: how far it may still fall
-    1e-3  # of kc: a part of the stress that need not be in equilibrium, as an error of the mesh
-)
-BARRIER = (
-    1e-2  # of the cost: what a barrier may be to blame for, if it strains by more than `LIMIT`
-)
+BARRIER = 1e-2  # of the cost, which a barrier may make where it strains by more than `LIMIT`
 
 
 @dataclass(frozen=True)

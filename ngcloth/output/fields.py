@@ -1,13 +1,12 @@
 """Files of a `Result` for other programs: fields for ParaView, threads, surfaces, fibres."""
 
-import io
-
 import ngsolve as ngs
 import numpy as np
 
 from ..errors import check_number
 from ..problem.domain import MeshDomain
 from ..problem.kinematics import Kinematics, gradient
+from .fibres import fibres as fibres
 from .files import checked_file, write_file
 from .formats import obj, stl, xml
 from .plot import default_pitch, sample, thread_levels
@@ -173,44 +172,6 @@ def surface(result, path):
     return files
 
 
-def fibres(result, path):
-    """Write the thread directions of every element as a table of comma-separated values.
-
-    Parameters
-    ----------
-    result : Result
-        Solved or loaded.
-    path : path
-        Ends in ".csv".
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    InputError
-        If the path has another ending or names a folder, or its folder does not exist.
-    OSError
-        If a file cannot be written, which leaves that file as it was.
-
-    Notes
-    -----
-    One row for each element and mirror image, in the order of the cells of `vtu`: its number, the
-    point x, y, z of the surface at its centroid (units of length), and there the unit vectors
-    along warp and weft, both stretches, and the angle between the threads in degrees.
-    """
-    file = checked_file(path, ".csv")
-    fields = {name: v[:, 0] for name, v in element_fields(result, [(1 / 3, 1 / 3)]).items()}
-    columns = ["position", "warp", "weft", "stretch1", "stretch2", "angle"]
-    rows = np.column_stack([np.arange(len(fields["angle"])), *(fields[c] for c in columns)])
-    header = "element,x,y,z,warp_x,warp_y,warp_z,weft_x,weft_y,weft_z,stretch1,stretch2,angle_deg"
-    table = io.StringIO()
-    np.savetxt(table, rows, ["%d"] + ["%.12g"] * 12, ",", header=header, comments="")
-    write_file(file, table.getvalue().encode())
-    return file
-
-
 def element_fields(result, points):
     """All fields at the same points of every element, mirror images of elements included.
 
@@ -226,9 +187,9 @@ def element_fields(result, points):
     dict of ndarray, (n, m) or (n, m, components), for n elements
         "theta": parameter point, 2 components. "psi" and "position": the point on the flat patch,
         its third component 0, and on the surface. "warp" and "weft": unit vectors along the
-        threads, tangent to the surface. "stretch1", "stretch2", "shear", "reaction", "jacobian":
-        as `Result.field` gives them, τ in units of force per flat area. "angle": between the
-        threads, in degrees. "active_…", 0 or 1: whether the limit of that name is active, which
+        threads, tangent to the surface. "stretch1", "stretch2", "shear", "reaction", "jacobian",
+        "angle", "thickness": as `Result.field` gives them, τ in units of force per flat area, the
+        shear angle in degrees. "active_…", 0 or 1: whether the limit of that name is active, which
         means a slack below 5 % of its greatest value here; the slacks of a limit that has
         several are numbered, as in "active_elongation_1" for the warp.
     """
@@ -268,7 +229,8 @@ def element_fields(result, points):
         "stretch1": stretches[..., 0],
         "stretch2": stretches[..., 1],
         "shear": shear,
-        "angle": np.degrees(np.arccos(np.clip(shear, -1, 1))),
+        "angle": np.degrees(np.arctan2(shear, np.linalg.norm(np.cross(warp, weft), axis=-1))),
+        "thickness": joined(at(cloth.thickness)),
         "reaction": joined(at(cloth.reaction)),
         "jacobian": np.linalg.det(slopes),
     }

@@ -16,6 +16,8 @@ from .equilibrium import equilibrium_residual
 from .history import Reason
 from .taken_away import TakenAway
 
+SIGNED = ("shear", "angle")  # fields whose sign a mirror turns over
+
 
 @dataclass(frozen=True)
 class Result(TakenAway):
@@ -88,13 +90,14 @@ class Result(TakenAway):
         """Least and greatest value of each field, {"stretch1": (min, max), …}.
 
         They are taken over a lattice on every element that includes its edges and is finer than
-        the integration rule; the keys are "stretch1", "stretch2", "shear", "reaction" and
-        "jacobian". Shear counts in all mirror images.
+        the integration rule; the keys are the names of `field`. Shear and its angle count in all
+        mirror images.
         """
         extrema = {name: self._range(name) for name in self._fields}
         if self.scene.symmetric:
-            low, high = extrema["shear"]
-            extrema["shear"] = min(low, -high), max(high, -low)
+            for name in SIGNED:
+                low, high = extrema[name]
+                extrema[name] = min(low, -high), max(high, -low)
         return extrema
 
     @property
@@ -220,8 +223,10 @@ class Result(TakenAway):
         Parameters
         ----------
         name : str
-            "stretch1", "stretch2", "shear" (cosine of the angle between the threads),
-            "reaction" (force per flat area, > 0 where the surface pushes) or "jacobian".
+            "stretch1", "stretch2", "shear" (γ, cosine of the angle between the threads), "angle"
+            (the shear angle in degrees: 90° minus the angle between the threads, signed as γ),
+            "thickness" (t/t0 of incompressible cloth, 1 over the areal stretch), "reaction" (force
+            per flat area, > 0 where the surface pushes) or "jacobian".
         theta1, theta2 : float or array_like
             As for `psi`.
 
@@ -234,7 +239,7 @@ class Result(TakenAway):
         theta, sign = self._folded(theta1, theta2)
         points, _ = self._located(theta)
         values = _at(self._fields[name], points).reshape(sign.shape[:-1])
-        return values * sign.prod(axis=-1) if name == "shear" else values
+        return values * sign.prod(axis=-1) if name in SIGNED else values
 
     def outline(self, n=400, hole=0):
         """`n` points along the rim of the whole flat patch, shape (n, 2).
@@ -321,6 +326,8 @@ class Result(TakenAway):
             "stretch1": cloth.stretch1,
             "stretch2": cloth.stretch2,
             "shear": cloth.shear,
+            "angle": cloth.angle,
+            "thickness": cloth.thickness,
             "reaction": cloth.reaction,
             "jacobian": cloth.jacobian,
         }

@@ -13,7 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkLagrangeTriangle
 import ngcloth
 from ngcloth import fields
 
-SCALARS = ["stretch1", "stretch2", "shear", "reaction", "jacobian"]
+SCALARS = ["stretch1", "stretch2", "shear", "angle", "thickness", "reaction", "jacobian"]
 
 
 def saddle():
@@ -140,7 +140,7 @@ def test_fields_are_those_of_the_result(tmp_path, result):
         expected = result.field(name, *theta)
         margin = 1e-7 * np.abs(expected).max()
         np.testing.assert_allclose(grid[name][points], expected, atol=margin, err_msg=name)
-    np.testing.assert_allclose(grid["angle"], np.degrees(np.arccos(grid["shear"])), atol=1e-9)
+    np.testing.assert_allclose(grid["angle"], np.degrees(np.arcsin(grid["shear"])), atol=1e-9)
     assert grid.field_data["converged"] == [1]
 
 
@@ -151,7 +151,7 @@ def test_threads_are_tangent_to_the_surface(tmp_path, result):
         np.testing.assert_allclose(np.linalg.norm(thread, axis=1), 1, atol=1e-12)
         np.testing.assert_allclose(np.einsum("ij,ij->i", thread, normal), 0, atol=1e-12)
     cosine = np.einsum("ij,ij->i", grid["warp"], grid["weft"])
-    np.testing.assert_allclose(np.degrees(np.arccos(cosine)), grid["angle"], atol=1e-9)
+    np.testing.assert_allclose(90 - np.degrees(np.arccos(cosine)), grid["angle"], atol=1e-9)
 
 
 def test_threads_run_where_the_flat_ones_are_laid(tmp_path, result):
@@ -276,8 +276,8 @@ def test_fibres_of_every_element(tmp_path, result):
     np.testing.assert_allclose(weft, cells.values(vtu["weft"], 1 / 3, 1 / 3), atol=0.03)
     x, y, z = position.T
     theta = (x / (1 - z), y / (1 - z)) if result.scene.symmetric else (x, y)
-    for name in ("stretch1", "stretch2"):
-        column = [float(row[name]) for row in rows]
+    for name in ("stretch1", "stretch2", "thickness", "angle"):
+        column = [float(row["shear_angle_deg" if name == "angle" else name]) for row in rows]
         np.testing.assert_allclose(column, result.field(name, *theta), atol=1e-8)
     angle = np.degrees(np.arccos(np.einsum("ij,ij->i", warp, weft)))
     np.testing.assert_allclose([float(row["angle_deg"]) for row in rows], angle, atol=1e-8)

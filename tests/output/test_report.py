@@ -203,7 +203,7 @@ def test_page_tells_the_result(written):
     assert "equilibrium" not in text  # nothing to hold
 
 
-@pytest.mark.parametrize(("name", "count"), [("chebyshev", 5), ("cut short", 6)])
+@pytest.mark.parametrize(("name", "count"), [("chebyshev", 7), ("cut short", 8)])
 def test_figures_are_drawn(written, name, count):
     figures = Reader(written(name)).all("img")
     assert len(figures) == count  # the reaction only where there is stress

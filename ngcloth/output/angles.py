@@ -46,6 +46,7 @@ def on_bands(angles, limits):
     angles : array_like, (...)
         In degrees, of either sign.
     limits : (float, float)
+        In degrees.
 
     Returns
     -------

@@ -320,7 +320,14 @@ def colours(field, values):
 
 def plain(label):
     """A label without the dollars and commands of TeX."""
-    replacements = {"$": "", r"\lambda_": "λ", r"\gamma": "γ", r"\tau": "τ", "k_c": "kc"}
+    replacements = {
+        "$": "",
+        r"\lambda_": "λ",
+        r"\gamma": "γ",
+        r"\tau": "τ",
+        "k_c": "kc",
+        "t_0": "t0",
+    }
     for tex, letter in replacements.items():
         label = label.replace(tex, letter)
     return label

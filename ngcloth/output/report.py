@@ -131,6 +131,9 @@ def _numbers(result):
         ("energy E/(2π kc)", f"{result.normalized_energy:.6g}"),
         ("area of the flat patch [length²]", f"{result.area:.6g}"),
     ]
+    error = getattr(result, "error", None)
+    if error is not None:
+        rows.append(("error bar", error))
     if result.scene.constraints:
         rows.append(("force out of equilibrium, share", f"{result.equilibrium_residual:.2g}"))
     return [

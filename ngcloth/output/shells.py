@@ -50,6 +50,7 @@ def shells(result, order, thickness):
     Parameters
     ----------
     result : Result
+        Its elements are those of its mesh.
     order : {1, 2}
         Of the triangles.
     thickness : float

@@ -189,7 +189,7 @@ class Rectangle(Domain):
 
 
 def divided_triangle(parts):
-    """The triangle (0, 0), (1, 0), (0, 1), each side in `parts`: points (n, 2), triangles (m, 3)."""
+    """The triangle (0, 0), (1, 0), (0, 1) with each side in parts: points (n, 2), triangles."""
     i, j = np.array([(i, j) for i in range(parts + 1) for j in range(parts + 1 - i)]).T
     number = np.full((parts + 2, parts + 2), -1)
     number[i, j] = np.arange(len(i))

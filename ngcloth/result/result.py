@@ -366,15 +366,15 @@ class Result(TakenAway):
         if isinstance(self.scene.surface, FileSurface):
             return self.domain.located(theta), np.zeros_like(theta)
         centre = self.domain.centre
-        inside = theta.copy()
+        inside, points = theta.copy(), self._mesh(*theta.T)
         if self.scene.symmetric:
             centre = centre + 0.25 * self.domain.diameter
-        for shrink in (0.0, *10.0 ** np.arange(-13, -2), *np.linspace(0.01, 0.3, 30)):
-            points = self._mesh(*inside.T)
-            missing = points["nr"] < 0
-            if not missing.any():
+        for shrink in (*10.0 ** np.arange(-13, -2), *np.linspace(0.01, 0.3, 30)):
+            missing = np.flatnonzero(points["nr"] < 0)
+            if not missing.size:
                 break
             inside[missing] = centre + (1 - shrink) * (theta[missing] - centre)
+            points[missing] = self._mesh(*inside[missing].T)
         return points, theta - inside
 
 

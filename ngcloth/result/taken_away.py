@@ -68,11 +68,11 @@ class TakenAway:
 
         return threads(self, path, pitch)
 
-    def export_surface(self, path):
+    def export_surface(self, path, tolerance=None):
         """Write surface and patch as triangles (.stl, .obj), see `ngcloth.fields.surface`."""
         from ..output.fields import surface
 
-        return surface(self, path)
+        return surface(self, path, tolerance)
 
     def export_fibres(self, path, format=None, *, thickness=None, order=None):
         """Write thread directions as a table (.csv), or as shells for a structural solver.

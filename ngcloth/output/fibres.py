@@ -49,7 +49,7 @@ def fibres(result, path, format=None, *, thickness=None, order=None):
     InputError
         If the path has another ending or names a folder, or its folder does not exist; if there is
         no such format, or the ending is that of several; if thickness or order are missing, out of
-        range, or given for a table, which has neither.
+        range, or given for a table, which has neither; if the patch is folded, which a table shows.
     OSError
         If a file cannot be written, which leaves that file as it was.
 
@@ -76,6 +76,9 @@ def fibres(result, path, format=None, *, thickness=None, order=None):
     if thickness is None:
         raise InputError("thickness", thickness, "a length > 0, of the flat cloth")
     thickness = check_number("thickness", thickness, 0, open_low=True)
+    if not result.unfolded:
+        allowed = "a patch that is not folded: where it is, shells would have a thickness below 0"
+        raise InputError("result", result.scene.name, allowed)
     written = shells(result, order, thickness)
     text = "\n".join(
         [
@@ -105,7 +108,7 @@ def _told(result, thickness):
     """What the head of a file says of it."""
     state = "converged" if result.converged else f"NOT CONVERGED: {result.reason}"
     return [
-        f"ngcloth: {result.scene.name}, {state}"[:70].replace("\n", " "),
+        f"ngcloth: {state}, {result.scene.name}",
         f"flat cloth {thickness:.9g} thick; material axis 1 is the warp",
     ]
 

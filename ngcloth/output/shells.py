@@ -28,8 +28,6 @@ class Shells:
         the normal of the triangle.
     warp_angles : ndarray, (m,)
         From side 12 to the warp in degrees, counter-clockwise; of triangles with straight sides.
-    thread_angles : ndarray, (m,)
-        From warp to weft, in degrees.
     thickness : ndarray, (m,)
         At the centroids.
     nodal_thickness : ndarray, (n,)
@@ -39,7 +37,6 @@ class Shells:
     triangles: np.ndarray
     axes: np.ndarray
     warp_angles: np.ndarray
-    thread_angles: np.ndarray
     thickness: np.ndarray
     nodal_thickness: np.ndarray
 
@@ -77,14 +74,14 @@ def shells(result, order, thickness):
     back = [0, 2, 1, 5, 4, 3][:count]
     triangles = np.where(turned[:, None], triangles[:, back], triangles)
     along, normal = _tangent(nodes[triangles])
-    warp, weft = (_projected(centre[name], normal) for name in ("warp", "weft"))
+    warp = centre["warp"] - np.einsum("ni,ni->n", centre["warp"], normal)[:, None] * normal
+    warp = _unit(warp)
     across = np.cross(normal, warp)
     return Shells(
         nodes=nodes,
         triangles=triangles,
         axes=np.stack([warp, across, normal], axis=1),
         warp_angles=_angle(along, warp, normal),
-        thread_angles=_angle(warp, weft, normal),
         thickness=thickness * centre["thickness"],
         nodal_thickness=thickness * ratios / np.bincount(triangles.ravel()),
     )
@@ -115,10 +112,6 @@ def _tangent(corners):
         along = along / 3 + 4 / 3 * (m23 - m31)
         towards = towards / 3 + 4 / 3 * (m23 - m12)
     return _unit(along), _unit(np.cross(along, towards))
-
-
-def _projected(directions, normals):
-    return _unit(directions - np.einsum("ni,ni->n", directions, normals)[:, None] * normals)
 
 
 def _angle(first, second, normal):

@@ -310,6 +310,17 @@ def test_what_no_solver_would_read_is_refused(tmp_path, saddle, argument, name, 
     assert not list(tmp_path.iterdir())
 
 
+def test_folded_cloth_makes_no_shells(tmp_path):
+    panel = Surface(lambda x, y: (x, y, 0 * x), Rectangle((0, 2), (0, 1)))
+    result = ngcloth.solve(Scene(panel, Net(ks=1.0)), maxh=1, order=2)
+    result.state.components[0].Set(ngs.x * (ngs.x - 1))
+    with pytest.raises(InputError, match="folded"):
+        result.export_fibres(tmp_path / "cloth.bdf", thickness=THICKNESS)
+    assert not list(tmp_path.iterdir())
+    result.export_fibres(tmp_path / "cloth.csv")
+    assert np.genfromtxt(tmp_path / "cloth.csv", delimiter=",", names=True)["thickness"].min() < 0
+
+
 def test_a_solve_that_failed_says_so_in_its_files(tmp_path):
     failed = ngcloth.solve(ngcloth.scenes.hemisphere(), maxh=0.5, max_steps=1)
     for name, format in (

@@ -228,7 +228,7 @@ def element_fields(result, points):
         its third component 0, and on the surface. "warp" and "weft": unit vectors along the
         threads, tangent to the surface. "stretch1", "stretch2", "shear", "reaction", "jacobian":
         as `Result.field` gives them, τ in units of force per flat area. "angle": between the
-        threads, in degrees. "active_…", 0 or 1: whether the limit of that name is active, which
+        threads, in degrees. ``"active_…"``, 0 or 1: whether the limit of that name is active, which
         means a slack below 5 % of its greatest value here; the slacks of a limit that has
         several are numbered, as in "active_elongation_1" for the warp.
     """

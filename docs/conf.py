@@ -1,10 +1,13 @@
 """The site: ``sphinx-build -W -n docs build/docs``."""
 
+import os
 import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
+# Demos and the tour, in processes of their own, import this ngcloth, too.
+os.environ["PYTHONPATH"] = os.pathsep.join([str(HERE.parent), os.environ.get("PYTHONPATH", "")])
 
 import make_gallery  # noqa: E402
 import make_reference  # noqa: E402
@@ -17,7 +20,6 @@ extensions = [
     "myst_nb",
     "numpydoc",
     "sphinx.ext.autodoc",
-    "sphinx.ext.autosummary",
     "sphinx.ext.viewcode",
     "sphinx_copybutton",
     "sphinx_design",
@@ -42,10 +44,10 @@ nb_execution_in_temp = True
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
 nb_merge_streams = True
+nb_output_stderr = "remove"  # remarks of other packages, with paths of the machine
 
 # The reference: docstrings name what they speak of in `single backquotes`, parameters included.
 default_role = "py:obj"
-autosummary_generate = False
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 numpydoc_show_class_members = False

@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+import textwrap
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,7 +43,8 @@ class Demo:
         source = (DEMOS / f"{self.name}.py").read_text(encoding="utf-8")
         module = ast.parse(source)
         self.first = module.body[0].end_lineno + 1  # line of the source after its words
-        self.title, _, self.words = ast.get_docstring(module).partition("\n")
+        title, _, self.words = ast.get_docstring(module).partition("\n")
+        self.title = re.sub(r" \(§[^)]*\)|\.$", "", title)
 
     def card(self):
         """Its card of the gallery."""
@@ -52,10 +54,10 @@ class Demo:
 
     def page(self):
         """Its page."""
-        lines = [f"# {self.title.removesuffix('.')}", "", f"*{self.about}.*", ""]
+        lines = [f"# {self.title}", "", f"*{self.about} to run.*", ""]
         if self.picture:
             lines += [f"![{self.question}?]({self.picture})", ""]
-        lines += [_escaped(self.words), ""]
+        lines += [_markdown(self.words), ""]
         if self.name in RUN:
             printed, figures = self.run()
             lines += ["## What it prints", "", "```text", printed.rstrip(), "```", ""]
@@ -69,7 +71,6 @@ class Demo:
         folder = DOCS / "gallery" / self.name
         folder.mkdir()
         environment = os.environ | {"MPLBACKEND": "Agg", "PYTHONIOENCODING": "utf-8"}
-        environment["PYTHONPATH"] = str(DOCS.parent)
         done = subprocess.run(
             [sys.executable, DEMOS / f"{self.name}.py"],
             cwd=folder,
@@ -116,7 +117,12 @@ def write(*_):
     (folder / "index.md").write_text("\n".join(index), encoding="utf-8")
 
 
-def _escaped(words):
-    """Text of a docstring as Markdown: what stands in by four blanks stays as it is."""
-    text = re.compile(r"^(?!    ).*$", re.MULTILINE)
-    return text.sub(lambda line: re.sub(r"[*_$]", r"\\\g<0>", line[0]), words)
+def _markdown(words):
+    """Text of a docstring as Markdown: what stands in by four blanks is set as it is."""
+    text = re.sub(r"(^    .*\n?)+", lambda found: _fenced(found[0]), words, flags=re.MULTILINE)
+    special = re.compile(r"(?s)^```.*?^```|`[^`]*`|[*_$]", re.MULTILINE)
+    return special.sub(lambda found: found[0] if "`" in found[0] else f"\\{found[0]}", text)
+
+
+def _fenced(lines):
+    return f"```text\n{textwrap.dedent(lines).rstrip()}\n```\n"

@@ -1,6 +1,7 @@
 """The reference of the site: a page for each public name, from its docstring."""
 
 import inspect
+import re
 import shutil
 from enum import Enum
 from pathlib import Path
@@ -44,9 +45,7 @@ def write(*_):
     index = ["# Reference", "", "Every public name of ngcloth, from the docstrings.", ""]
     names = []
     for title, group in grouped().items():
-        index += [f"## {title}", "", "```{eval-rst}", ".. currentmodule:: ngcloth", ""]
-        index += [".. autosummary::", "   :nosignatures:", ""]
-        index += [*(f"   {name}" for name in group), "```", ""]
+        index += [f"## {title}", "", *map(entry, group), ""]
         names += group
     index += ["```{toctree}", ":hidden:", "", *names, "```", ""]
     (folder / "index.md").write_text("\n".join(index), encoding="utf-8")
@@ -64,6 +63,13 @@ def grouped():
     }
     rest = [name for name in public if not any(name in names for names in found.values())]
     return found | ({MORE: rest} if rest else {})
+
+
+def entry(name):
+    """Its line of the index: a link, and the first line of its docstring."""
+    summary = inspect.getdoc(locate(f"ngcloth.{name}")).partition("\n")[0]
+    summary = re.sub(r"[*_$<]", r"\\\g<0>", summary)
+    return f"- [{name}]({name}.md): {summary}"
 
 
 def page(name):

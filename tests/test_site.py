@@ -1,6 +1,7 @@
-"""The site, built with every warning an error, and opened in a browser. Needs the extra ``docs``."""
+"""The site, built with warnings as errors, and opened in a browser. Needs the extra ``docs``."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -108,6 +109,17 @@ def test_every_public_name_has_its_place(site):
     known = {name for kind, names in listed.data.items() if kind[:3] == "py:" for name in names}
     modules = {name for name in ngcloth.__all__ if type(getattr(ngcloth, name)) is type(os)}
     assert {f"ngcloth.{name}" for name in set(ngcloth.__all__) - modules} <= known
+
+
+def test_every_demo_has_its_page(site):
+    numbered = r"^\*\*\d+\. \[(\w+)\.py"
+    text = (ROOT / "demos/README.md").read_text(encoding="utf-8")
+    names = set(re.findall(numbered, text, re.MULTILINE))
+    pages = {path.stem for path in (site / "gallery").glob("*.html")} - {"index"}
+    assert len(names) > 7 and names == pages
+    for name in ("hemisphere", "own_fabric"):  # which are run
+        page = (site / f"gallery/{name}.html").read_text(encoding="utf-8")
+        assert "What it prints" in page and "<img" in page.partition("What it draws")[2]
 
 
 def test_the_tour_ran(site):

@@ -54,7 +54,8 @@ class Demo:
 
     def page(self):
         """Its page."""
-        lines = [f"# {self.title}", "", f"*{self.about} to run.*", ""]
+        about = self.about[0].upper() + self.about[1:]
+        lines = [f"# {self.title}", "", f"*{about} to run.*", ""]
         if self.picture:
             lines += [f"![{self.question}?]({self.picture})", ""]
         lines += [_markdown(self.words), ""]

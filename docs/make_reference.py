@@ -4,6 +4,7 @@ import inspect
 import re
 import shutil
 from enum import Enum
+from operator import attrgetter
 from pathlib import Path
 from pydoc import locate
 
@@ -17,7 +18,7 @@ GROUPS = {
         + ["problem.kinematics.Kinematics", "geometry.cad.from_cad", "geometry.facets.from_mesh"]
         + ["geometry.cad.Face", "geometry.sheet.Sheet"],
     ),
-    "Solve it": (("solver", "energy"), []),
+    "Solve it": (("solver", "energy", "study"), []),
     "Trust it and take it away": (
         ("result", "output"),
         ["result.certificate.Certificate", "result.certificate.LimitCheck", "result.history.Row"]
@@ -57,24 +58,32 @@ def grouped():
     """All names of the reference, as of ngcloth, by titles."""
     public = [name for name in ngcloth.__all__ if not inspect.ismodule(getattr(ngcloth, name))]
     rooms = {name: getattr(ngcloth, name).__module__.split(".")[1] for name in public}
-    found = {
+    groups = {
         title: [name for name in public if rooms[name] in known] + more
         for title, (known, more) in GROUPS.items()
     }
-    rest = [name for name in public if not any(name in names for names in found.values())]
-    return found | ({MORE: rest} if rest else {})
+    rest = [name for name in public if not any(name in names for names in groups.values())]
+    return groups | ({MORE: rest} if rest else {})
+
+
+def found(name):
+    """What is called so in ngcloth; a function of the name of its module is the function."""
+    try:
+        return attrgetter(name)(ngcloth)
+    except AttributeError:
+        return locate(f"ngcloth.{name}")
 
 
 def entry(name):
     """Its line of the index: a link, and the first line of its docstring."""
-    summary = inspect.getdoc(locate(f"ngcloth.{name}")).partition("\n")[0]
+    summary = inspect.getdoc(found(name)).partition("\n")[0]
     summary = re.sub(r"[*_$<]", r"\\\g<0>", summary)
     return f"- [{name}]({name}.md): {summary}"
 
 
 def page(name):
     """The lines of its page."""
-    value = locate(f"ngcloth.{name}")
+    value = found(name)
     kind, options = "function", []
     if inspect.isclass(value):
         kind, options = "class", ["   :members:"]

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[1]
 SIZES = [(1280, 900), (390, 844)]
-PAGES = ("index", "tour", "gallery/index", "gallery/hemisphere", "method", "reference/Result")
+PAGES = ("index", "tour", "gallery/index", "gallery/hemisphere", "method", "reference/class.Result")
 
 
 @pytest.fixture(scope="module")

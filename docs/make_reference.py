@@ -20,7 +20,8 @@ GROUPS = {
     "Solve it": (("solver", "studies"), []),
     "Trust it and take it away": (
         ("result", "output"),
-        ["result.certificate.Certificate", "result.history.Row"]
+        ["result.certificate.Certificate", "result.certificate.LimitCheck", "result.history.Row"]
+        + ["output.pattern.cut_pattern", "fields.element_fields"]
         + [f"plot.{name}" for name in ("draw", "patch", "domain", "history", "convergence")],
     ),
     "Compare with the exact net": (

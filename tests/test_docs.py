@@ -1,14 +1,18 @@
 """The pages: their code runs, on coarse meshes, their links lead somewhere, the notebook is clean.
 
-Blocks of `python` on a page run one after another, as a reader would; blocks of `py` are excerpts
-and need only be Python. In blocks of `sh`, commands of ngcloth run. Files that pages speak of are
-made here.
+Blocks of `python` on a page run one after another, as a reader would; one that is the file of a
+main program runs as such. Blocks of `py` are excerpts and need only be Python. In blocks of `sh`,
+commands of ngcloth run, beside the file of a `toml` block that begins with its name. Other files
+that pages speak of are made here.
 """
 
 import functools
 import json
+import os
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import matplotlib
@@ -82,9 +86,20 @@ def folder(tmp_path, monkeypatch):
 def test_code_of_pages_runs(page, folder):
     names = {"__name__": "page"}
     for source in blocks(page, "python"):
-        exec(compile(source, ROOT / page, "exec"), names)
+        if "__main__" in source:
+            run_as_a_program(source, folder)
+        else:
+            exec(compile(source, ROOT / page, "exec"), names)
     results = [value for value in names.values() if isinstance(value, ngcloth.Result)]
-    assert results and all(result.converged for result in results)
+    assert all(result.converged for result in results)
+
+
+def run_as_a_program(source, folder):
+    (folder / "program.py").write_text(source, encoding="utf-8")
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
+    program = [sys.executable, "program.py"]
+    done = subprocess.run(program, cwd=folder, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("page", with_blocks("py"))
@@ -97,21 +112,22 @@ def commands():
     for page in with_blocks("sh"):
         for block in blocks(page, "sh"):
             lines = block.replace("\\\n", " ").splitlines()
-            yield from (line for line in lines if line.startswith("ngcloth "))
-        yield from re.findall(r"`(ngcloth [^`]*--[^`]*)`", PAGES[page])
+            yield from ((page, line) for line in lines if line.startswith("ngcloth "))
+        yield from ((page, line) for line in re.findall(r"`(ngcloth [^`]*--[^`]*)`", PAGES[page]))
 
 
-@pytest.mark.parametrize("command", sorted(set(commands())))
-def test_commands_of_pages_run(command, folder, monkeypatch):
+@pytest.mark.parametrize("page, command", sorted(set(commands())))
+def test_commands_of_pages_run(page, command, folder, monkeypatch):
     monkeypatch.setattr(cli, "FILES", {"result": cli.FILES["result"]})  # tests/test_cli.py has all
+    for text in map(str.strip, blocks(page, "toml")):
+        (folder / text.partition("\n")[0].strip("# ")).write_text(text, encoding="utf-8")
     arguments = shlex.split(command, comments=True)[1:]
     if "--help" in arguments:
         with pytest.raises(SystemExit) as end:
             cli.main(arguments)
         assert end.value.code == 0
     else:
-        assert cli.main([*arguments, "--quiet"]) == cli.CONVERGED
-        assert ngcloth.load(folder / "out" / "result").converged
+        assert cli.main(arguments) == cli.CONVERGED
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -180,7 +180,7 @@ class Surface:
 
         Returns
         -------
-        ndarray, (...) or (..., *expression.dims)
+        ndarray, (...) + expression.dims
         """
         theta = np.asarray(theta, dtype=float)
         points = self._frame(*theta.reshape(-1, 2).T)

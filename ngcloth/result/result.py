@@ -131,7 +131,7 @@ class Result(TakenAway):
 
         Returns
         -------
-        ndarray, (...) or (..., *expression.dims)
+        ndarray, (...) + expression.dims
         """
         surface, theta = self.scene.surface, np.asarray(theta, dtype=float)
         if not isinstance(surface, FileSurface):

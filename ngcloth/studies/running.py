@@ -4,13 +4,15 @@ import multiprocessing
 import os
 import signal
 import threading
+from collections import Counter
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 
 from .task import failure, solve_case
 
 TRIES = 2  # alone, before a case is to blame: memory may have been short for a moment
-FALSE_STARTS = 3
+FALSE_STARTS = 2
+LOST = "lost: it takes down the process that solves it"
 GUARD = (
     "worker processes end before they begin a case: they import the script that is run, so its "
     "own work has to be under `if __name__ == '__main__':`"
@@ -28,7 +30,7 @@ def run_all(tasks, store, executor, done):
         To which they write.
     executor : Executor or int
         Where to run them; or how many processes to start for them, which are made anew where one
-        is lost. The tasks it had begun are then run alone, to see which of them it was.
+        is lost. The tasks that were begun then run one at a time, to see which of them it was.
     done : callable
         ``done(key, row)`` after each.
 
@@ -47,18 +49,21 @@ def run_all(tasks, store, executor, done):
                 "Call again with a new one, or with executor=None, which finds the case it was"
             )
         return
-    false_starts = 0
+    suspects, tries, false_starts = {}, Counter(), 0
     while tasks:
-        with processes(min(executor, len(tasks))) as pool:
-            left = _together(tasks, store, pool, done)
-        suspects = {key: task for key, task in left.items() if store.begun(key)}
-        store.clear(suspects)
-        false_starts = 0 if suspects or len(left) < len(tasks) else false_starts + 1
+        chosen = suspects or tasks
+        with processes(1 if suspects else min(executor, len(tasks))) as pool:
+            left = _together(chosen, store, pool, done)
+        begun = [key for key in left if store.begun(key)]
+        store.clear(begun)
+        false_starts = 0 if begun or len(left) < len(chosen) else false_starts + 1
         if false_starts == FALSE_STARTS:
             raise RuntimeError(GUARD)
-        for key, task in suspects.items():
-            _alone(key, task, store, done)
-        tasks = {key: task for key, task in left.items() if key not in suspects}
+        tries.update(begun if suspects else ())
+        for key in (key for key in begun if tries[key] == TRIES):
+            done(key, lost(left.pop(key), store, LOST))
+        tasks = {key: task for key, task in tasks.items() if key in left or key not in chosen}
+        suspects = left if suspects else {key: left[key] for key in begun if key in left}
 
 
 def _together(tasks, store, executor, done):
@@ -88,15 +93,6 @@ def _together(tasks, store, executor, done):
             future.cancel()
         raise
     return left
-
-
-def _alone(key, task, store, done):
-    for _ in range(TRIES):
-        with processes(1) as pool:
-            if not _together({key: task}, store, pool, done):
-                return
-        store.clear([key])
-    done(key, lost(task, store, "lost: it takes down the process that solves it"))
 
 
 def lost(task, store, why):

@@ -266,15 +266,15 @@ class _Progress:
         self._total, self._log, self._begun = total, log, perf_counter()
         self._count = Counter()
         if log:
-            log(f"{total} cases to solve")
+            log(f"{total} to solve")
 
     def __call__(self, key, row):
         self._count[bool(row["converged"])] += 1
         done = self._count.total()
         if self._log:
             left = (perf_counter() - self._begun) / done * (self._total - done)
-            failed = f", {self._count[False]} failed" if self._count[False] else ""
-            self._log(f"{done} of {self._total} cases{failed}, {_time(left)} left")
+            failed = f", {self._count[False]} of them failed" if self._count[False] else ""
+            self._log(f"{done} of {self._total} solved{failed}, {_time(left)} left")
 
 
 def _checked_executor(executor, make_scene):

@@ -4,8 +4,6 @@ import numbers
 
 import ngsolve as ngs
 import numpy as np
-from scipy.spatial import KDTree
-from scipy.stats import rankdata
 
 from ..geometry.file_surface import FileSurface
 from ..result.reading import plain_arrays, plain_bytes
@@ -34,6 +32,8 @@ def neighbours(cases, keys):
     dict
         {key: list of keys}
     """
+    from scipy.spatial import KDTree  # takes a second, which each process would take
+
     groups = {}
     for number, case in enumerate(cases):
         words = tuple((n, repr(v)) for n, v in sorted(case.items()) if not _number(v))
@@ -44,8 +44,8 @@ def neighbours(cases, keys):
         table = np.array([[float(cases[m][name]) for name in names] for m in members])
         if not names or len(members) < 2:
             continue
-        ranks = rankdata(table, method="dense", axis=0)
-        ranks /= ranks.max(axis=0)
+        ranks = [np.unique(column, return_inverse=True)[1] for column in table.T]
+        ranks = np.stack([rank / max(rank.max(), 1) for rank in ranks], axis=-1)
         _, found = KDTree(ranks).query(ranks, min(NEAREST + 1, len(members)))
         for member, others in zip(members, found, strict=True):
             near[keys[member]] = [keys[members[o]] for o in others if members[o] != member]

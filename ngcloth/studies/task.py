@@ -12,7 +12,7 @@ from ..result.history import Reason
 from ..solver.size import estimated_memory
 from ..solver.solve import solve
 from .store import RESULT, Store, strict
-from .warm import warm_start
+from .warm import warmed
 
 NOT_YET = "not solved yet"
 FIELDS = ("stretch1", "stretch2", "shear", "reaction", "jacobian")
@@ -80,9 +80,12 @@ def _solved(make_scene, case, settings, store, neighbours):
     scene = make_scene(**case)
     if not isinstance(scene, Scene):
         raise InputError("make_scene", make_scene, "a function that returns an ngcloth.Scene")
-    start = warm_start(scene, store, neighbours)
-    result = solve(scene if start is None else replace(scene, start=start), **settings)
-    return replace(result, scene=scene)  # as it is made again to load it
+    warm = warmed(scene, store, neighbours)
+    if warm:
+        result = solve(warm, **settings)
+        if result.converged:
+            return replace(result, scene=scene)  # as it is made again to load it
+    return solve(scene, **settings)
 
 
 def _outcome(result):

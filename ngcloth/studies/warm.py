@@ -1,10 +1,12 @@
 """Starts from neighbours: which cases are near, and what is taken over from one."""
 
 import numbers
+from dataclasses import replace
 
 import ngsolve as ngs
 import numpy as np
 
+from ..errors import InputError
 from ..geometry.file_surface import FileSurface
 from ..result.reading import plain_arrays, plain_bytes
 from .store import RESULT
@@ -56,11 +58,12 @@ def _number(value):
     return isinstance(value, numbers.Real) and not isinstance(value, bool)
 
 
-def warm_start(scene, store, keys):
-    """A start for a scene, ψ of the first of some cases that has converged; None if none has.
+def warmed(scene, store, keys):
+    """A scene that starts from ψ of the first of some cases that has converged; or None.
 
-    A polynomial of θ is fitted to it, so that meshes need not be the same, and in scenes with
-    mirror symmetry the ψ has it. On surfaces from files θ is another for each: None.
+    A polynomial of θ is fitted to that ψ, so that meshes need not be the same, and in scenes with
+    mirror symmetry it has it. None if no case has converged, if the polynomial folds the cloth,
+    and on surfaces from files, where θ is another for each.
     """
     if isinstance(scene.surface, FileSurface):
         return None
@@ -69,7 +72,11 @@ def warm_start(scene, store, keys):
         if record and record["row"]["converged"]:
             file = store.place(key) / RESULT / "fields.npz"
             fields = plain_arrays(plain_bytes(file, LARGEST), LARGEST)
-            return _Polynomial(scene, *(fields[n].reshape(-1, 2) for n in ("theta", "psi")))
+            theta, psi = (fields[name].reshape(-1, 2) for name in ("theta", "psi"))
+            try:
+                return replace(scene, start=_Polynomial(scene, theta, psi))
+            except InputError:
+                return None
     return None
 
 

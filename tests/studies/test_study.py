@@ -234,6 +234,16 @@ def test_a_warm_start_gives_the_same_answer(solved, tmp_path):
     assert warm.load(2).converged
 
 
+def test_a_neighbour_that_is_no_start_is_left_alone(tmp_path):
+    """A polynomial of degree seven near the portion where nets collapse folds the cloth."""
+    portions = [{"portion": portion} for portion in (0.8, 0.3)]
+    make = ngcloth.scenes.sphere
+    warm = ngcloth.study(make, portions, tmp_path, Here(), warm=True, maxh=0.4, order=5)
+    alone = ngcloth.solve(make(0.3), maxh=0.4, order=5)
+    assert warm.table[1]["converged"]
+    assert warm.table[1]["area"] == pytest.approx(alone.area, rel=1e-3)
+
+
 # Executors --------------------------------------------------------------------------------------
 
 

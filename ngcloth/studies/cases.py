@@ -15,7 +15,7 @@ from ..solver.settings import checked_settings
 from ..solver.solve import solve
 from ..version import __version__
 from .source import source
-from .task import COLUMNS
+from .store import COLUMNS
 
 OWN = ("log", "callback", "checkpoint", "throw")  # settings of a solve that a study has not
 VALUES = "finite numbers, texts, True, False, None, or lists and dicts of these"

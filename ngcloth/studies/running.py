@@ -54,7 +54,7 @@ def run_all(tasks, store, executor, done):
         chosen = suspects or tasks
         with processes(1 if suspects else min(executor, len(tasks))) as pool:
             left = _together(chosen, store, pool, done)
-        begun = [key for key in left if store.begun(key)]
+        begun = store.begun() & left.keys()
         store.clear(begun)
         false_starts = 0 if begun or len(left) < len(chosen) else false_starts + 1
         if false_starts == FALSE_STARTS:

@@ -80,7 +80,7 @@ def run(arguments, say):
         arguments.processes,
         warm=arguments.warm,
         part=part,
-        log=None if arguments.quiet else say,
+        log=None if arguments.quiet else _progress(say),
         **settings,
     )
     if arguments.explain:
@@ -89,10 +89,19 @@ def run(arguments, say):
     study.run()
     mine = study.table[slice(None) if part is None else slice(part[0] - 1, None, part[1])]
     failed = [row for row in mine if not row["converged"]]
+    if not arguments.quiet and sys.stderr.isatty():
+        print(file=sys.stderr)
     for row in failed:
         say(f"{row['key']}: {row['reason']}")
     say(f"{len(mine) - len(failed)} of {len(mine)} cases converged; in {arguments.out}: study.csv")
     return len(failed)
+
+
+def _progress(say):
+    """What prints lines of progress: each in the place of the last, on a terminal."""
+    if not sys.stderr.isatty():
+        return say
+    return lambda line: print(f"\r{line}\x1b[K", end="", file=sys.stderr, flush=True)
 
 
 def read(path):

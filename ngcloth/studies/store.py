@@ -19,6 +19,15 @@ CASES, TABLE = "cases", "study.csv"
 RECORD, RESULT = "case.json", "result"  # of one case
 LARGEST = 2**24  # bytes of a record
 FORMAT, VERSION = "ngcloth case", 1
+FIELDS = ("stretch1", "stretch2", "shear", "reaction", "jacobian")
+BARS = ("energy", "area", "outline")
+OUTPUTS = (  # of a case, in its row of the table
+    ("converged", "reason", "energy", "normalized_energy", "area")
+    + tuple(f"{name}_error" for name in BARS)
+    + tuple(f"{name}_{end}" for name in FIELDS for end in ("min", "max"))
+    + ("steps", "certified", "faults", "memory", "seconds")
+)
+COLUMNS = ("key", *OUTPUTS)
 
 
 def checked_folder(folder):
@@ -51,8 +60,9 @@ class Store:
         try:
             record = json.loads(plain_bytes(self.place(key) / RECORD, LARGEST))
             known = (record["format"], record["version"], record["key"]) == (FORMAT, VERSION, key)
-            return record if known and isinstance(record["row"], dict) else None
-        except (OSError, ValueError, KeyError, TypeError):
+            whole = set(record["row"]) == set(OUTPUTS) and isinstance(record["finished"], bool)
+            return record if known and whole else None
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return None  # damaged ones are made again
 
     def finished(self, key):
@@ -81,9 +91,9 @@ class Store:
             if not self.finished(key):  # or else by another master of the same study
                 raise
 
-    def begun(self, key):
-        """Whether somebody has begun a case and not ended it."""
-        return any(self._cases.glob(f".{key}-*"))
+    def begun(self):
+        """Keys of the cases that somebody has begun and not ended."""
+        return {left.name[1:].partition("-")[0] for left in self._cases.glob(".*-*")}
 
     def clear(self, keys):
         """Take away failures, and what those have left that were ended before their case was."""

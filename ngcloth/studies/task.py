@@ -11,19 +11,10 @@ from ..result.alone import alone
 from ..result.history import Reason
 from ..solver.size import estimated_memory
 from ..solver.solve import solve
-from .store import RESULT, Store, strict
+from .store import BARS, OUTPUTS, RESULT, Store, strict
 from .warm import warmed
 
 NOT_YET = "not solved yet"
-FIELDS = ("stretch1", "stretch2", "shear", "reaction", "jacobian")
-BARS = ("energy", "area", "outline")
-OUTPUTS = (
-    ("converged", "reason", "energy", "normalized_energy", "area")
-    + tuple(f"{name}_error" for name in BARS)
-    + tuple(f"{name}_{end}" for name in FIELDS for end in ("min", "max"))
-    + ("steps", "certified", "faults", "memory", "seconds")
-)
-COLUMNS = ("key", *OUTPUTS)
 
 
 @alone

@@ -56,6 +56,15 @@ def test_a_study_from_the_shell_in_parts(toml, capsys):
     assert "to do   0" in capsys.readouterr().out
 
 
+def test_progress_is_one_line_on_a_terminal(toml, capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    command = ["study", str(toml), "--out", str(toml.parent / "out"), "--processes", "1"]
+    assert cli.main([*command, "--part", "3/3"]) == 1
+    shown = capsys.readouterr().err
+    assert shown.count("\n") == 1 and shown.count("\r") == 2
+    assert "1 of 1 solved, 1 of them failed, 0 s left" in shown
+
+
 def test_cases_are_a_list_a_grid_or_a_table(toml):
     make, cases, settings = read(toml)
     assert make.__name__ == "bowl" and settings == {"maxh": 0.6}

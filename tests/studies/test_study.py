@@ -202,7 +202,12 @@ def test_damaged_records_are_solved_again(tmp_path):
     study = ngcloth.study(dome, STIFF[:1], tmp_path, Here(), **SETTINGS)
     before = study.table
     record = tmp_path / "cases" / study.keys[0] / "case.json"
-    for data in (b"", b"{}", b"\x80\x04.", record.read_bytes()[:-100]):
+    whole = record.read_bytes()
+    wrong = [b"", b"{}", b"[" * 10**5, b"\x80\x04.", whole[:-100], whole.replace(b'"area"', b'"a"')]
+    for data in wrong[:-1]:
+        record.write_bytes(data)
+        assert study.table[0]["reason"] == "not solved yet"
+    for data in wrong[-1:]:
         record.write_bytes(data)
         assert study.table[0]["reason"] == "not solved yet"
         assert_same(study.run().table, before)
@@ -218,8 +223,8 @@ def test_explain_tells_cost_and_what_is_done(tmp_path):
 
 
 def test_parts_share_the_cases(tmp_path):
-    cases = [{"ks": ks, "notes": str(tmp_path)} for ks in (1.0, 2.0, 3.0, 4.0, 5.0)]
-    for k, mine in ((2, [2.0, 4.0]), (1, [1.0, 3.0, 5.0])):
+    cases = [{"ks": ks, "notes": str(tmp_path)} for ks in (1.0, 2.0, 3.0)]
+    for k, mine in ((2, [2.0]), (1, [1.0, 3.0])):
         before = len(begun(tmp_path)[0])
         study = ngcloth.study(dome, cases, tmp_path / "s", Here(), part=(k, 2), **SETTINGS)
         assert begun(tmp_path)[0][before:] == mine

@@ -92,7 +92,7 @@ def parallel_coordinates(table, columns, ax=None):
         ax.plot(places, line, color=colour, linewidth=0.8, linestyle="-" if solved else ":")
     for place, row in zip(places, values, strict=True):
         ax.axvline(place, color="0.3", linewidth=0.8)
-        for end, at, side in ((row.min(), 0, "top"), (row.max(), 1, "bottom")):
+        for end, at, side in ((row.min(), -0.02, "top"), (row.max(), 1.02, "bottom")):
             ax.text(place, at, f"{end:.3g}", ha="center", va=side, fontsize="small")
     ax.set_xticks(places, columns)
     ax.tick_params(axis="x", pad=14, length=0)

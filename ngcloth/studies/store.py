@@ -19,7 +19,7 @@ CASES, TABLE = "cases", "study.csv"
 RECORD, RESULT = "case.json", "result"  # of one case
 LARGEST = 2**24  # bytes of a record
 FORMAT, VERSION = "ngcloth case", 1
-FIELDS = ("stretch1", "stretch2", "shear", "reaction", "jacobian")
+FIELDS = ("stretch1", "stretch2", "shear", "angle", "thickness", "reaction", "jacobian")
 BARS = ("energy", "area", "outline")
 OUTPUTS = (  # of a case, in its row of the table
     ("converged", "reason", "energy", "normalized_energy", "area")

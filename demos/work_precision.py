@@ -278,8 +278,9 @@ def page(rows, tables):
         line["newton_steps"] = steps(row)
     parts = [
         "# Error against run time",
-        "Written by `python demos/work_precision.py`; all columns are in `work_precision.csv`, the "
-        "tables that follow in `work_precision_tables.csv`.",
+        "Written by `python demos/work_precision.py`; all columns are in "
+        "[work_precision.csv](work_precision.csv), the "
+        "tables that follow in [work_precision_tables.csv](work_precision_tables.csv).",
         versions(),
         *(part for title, lines in tables.items() for part in _section(title, lines)),
         f"Exponents are fitted from {FULL} unknowns on. Steps in brackets: not converged. Shares "

@@ -15,6 +15,7 @@ from .result.history import Reason
 from .result.load import load
 from .result.result import Result
 from .solver.solve import minima, solve
+from .studies.study import Study, study
 from .version import __version__ as __version__
 
 __all__ = [
@@ -30,12 +31,14 @@ __all__ = [
     "Scene",
     "ShearLimit",
     "SolveError",
+    "Study",
     "Surface",
     "load",
     "minima",
     "report",
     "scenes",
     "solve",
+    "study",
     "verify",
 ]
 

@@ -2,7 +2,8 @@
 
 Solves a scene of `ngcloth.scenes`, or covers a surface from a file: ``ngcloth part.step --ks 10``;
 and writes all there is to take away into one folder. Options are the parameters of the scene and of
-`ngcloth.solve`, with the help that their docstrings give.
+`ngcloth.solve`, with the help that their docstrings give. ``ngcloth study study.toml --out folder``
+solves many cases.
 """
 
 import argparse
@@ -24,6 +25,7 @@ from .result.history import Reason
 from .result.result import Result
 from .scenes import NAMED, part
 from .solver.solve import solve
+from .studies import shell as study
 from .version import __version__
 
 CONVERGED, NOT_CONVERGED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
@@ -86,6 +88,8 @@ def main(argv=None):
         argv.insert(0, "part")
     arguments = _parser().parse_args(argv)
     try:
+        if arguments.scene == "study":
+            return NOT_CONVERGED if study.run(arguments, _say) else CONVERGED
         return _solve_and_write(arguments)
     except (InputError, OSError) as error:
         _complain(error)
@@ -126,6 +130,7 @@ def _parser():
         group = one.add_argument_group("the outcome")
         text = f"Folder for {', '.join(FILES)}. Default %(default)s."
         group.add_argument("--out", default="out", metavar="folder", help=text)
+    study.add_parser(scenes)
     return parser
 
 

@@ -1,21 +1,21 @@
 """Files of a `Result` for other programs: fields for ParaView, threads, surfaces, fibres."""
 
-import io
-
 import ngsolve as ngs
 import numpy as np
 
 from ..errors import check_number
-from ..problem.domain import MeshDomain
 from ..problem.kinematics import Kinematics, gradient
+from .fibres import fibres as fibres
 from .files import checked_file, write_file
 from .formats import obj, stl, xml
 from .plot import default_pitch, sample, thread_levels
+from .tessellation import tessellation
 
 # A limit counts as active where its slack is below this share of its greatest value. The barrier
 # keeps slacks off zero: at 1 % the belts in which limits are active fall to pieces, at 5 % not.
 ACTIVE = 5e-2
-RINGS = 120  # of the triangles of `surface`: twice as fine as pictures, for areas to 1e-4
+SETTLED = 1e-12  # of the patch, off their thread
+FINE = 2e-4  # of the size: how near triangles of `surface` are to it, by default
 
 
 def vtu(result, path):
@@ -131,7 +131,7 @@ def threads(result, path, pitch=None):
     return files
 
 
-def surface(result, path):
+def surface(result, path, tolerance=None):
     """Write the surface and the flat patch as triangles, STL or OBJ.
 
     Parameters
@@ -140,6 +140,9 @@ def surface(result, path):
         Solved or loaded.
     path : path
         Ends in ".stl" or ".obj"; the patch goes beside it, "dome.obj" and "dome_flat.obj".
+    tolerance : float, optional
+        How far sides of triangles may be from the surface, and on the patch from where they are,
+        in units of length; by default 2e-4 of the diagonal of a box around the surface.
 
     Returns
     -------
@@ -149,15 +152,16 @@ def surface(result, path):
     Raises
     ------
     InputError
-        If the path has another ending or names a folder, or its folder does not exist.
+        If the path has another ending or names a folder, or its folder does not exist; if the
+        tolerance is not between a millionth and a tenth of the size.
     OSError
         If a file cannot be written, which leaves that file as it was.
 
     Notes
     -----
-    The points are those of `ngcloth.plot.sample`, which lie on the surface; so the domain of a
-    chart has to be star-shaped. They are as many as give the areas to 1e-4, on up to 85 % of a
-    sphere. Triangles of the surface face the side of the cloth, those of the patch upwards.
+    The points lie on the surface, more of them where it or the net is curved; the domain of a
+    chart has to be star-shaped. On surfaces from files they include the corners of the mesh.
+    Triangles of the surface face the side of the cloth, those of the patch upwards.
 
     In OBJ files the texture coordinates UV of a point are its flat position, in units of length.
     Where `Surface.side` is -1, as on a sphere, the patch is drawn from its inner face: seen from
@@ -165,50 +169,16 @@ def surface(result, path):
     """
     files = _files(path, ".stl", ".obj")
     written = stl if files[0].suffix.lower() == ".stl" else obj
-    theta, triangles = sample(result, RINGS)
+    size = _size(result)
+    if tolerance is None:
+        tolerance = FINE * size
+    check_number("tolerance", tolerance, 1e-6 * size, 0.1 * size)
+    theta, triangles = tessellation(result, tolerance)
     psi = result.psi(*theta.T)
     places = (result.evaluate(result.sheet.position, theta), _in_space(psi))
     for file, points, side in zip(files, places, (result.sheet.side, 1), strict=True):
         write_file(file, written(points, triangles[:, ::side], psi))
     return files
-
-
-def fibres(result, path):
-    """Write the thread directions of every element as a table of comma-separated values.
-
-    Parameters
-    ----------
-    result : Result
-        Solved or loaded.
-    path : path
-        Ends in ".csv".
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    InputError
-        If the path has another ending or names a folder, or its folder does not exist.
-    OSError
-        If a file cannot be written, which leaves that file as it was.
-
-    Notes
-    -----
-    One row for each element and mirror image, in the order of the cells of `vtu`: its number, the
-    point x, y, z of the surface at its centroid (units of length), and there the unit vectors
-    along warp and weft, both stretches, and the angle between the threads in degrees.
-    """
-    file = checked_file(path, ".csv")
-    fields = {name: v[:, 0] for name, v in element_fields(result, [(1 / 3, 1 / 3)]).items()}
-    columns = ["position", "warp", "weft", "stretch1", "stretch2", "angle"]
-    rows = np.column_stack([np.arange(len(fields["angle"])), *(fields[c] for c in columns)])
-    header = "element,x,y,z,warp_x,warp_y,warp_z,weft_x,weft_y,weft_z,stretch1,stretch2,angle_deg"
-    table = io.StringIO()
-    np.savetxt(table, rows, ["%d"] + ["%.12g"] * 12, ",", header=header, comments="")
-    write_file(file, table.getvalue().encode())
-    return file
 
 
 def element_fields(result, points):
@@ -226,9 +196,9 @@ def element_fields(result, points):
     dict of ndarray, (n, m) or (n, m, components), for n elements
         "theta": parameter point, 2 components. "psi" and "position": the point on the flat patch,
         its third component 0, and on the surface. "warp" and "weft": unit vectors along the
-        threads, tangent to the surface. "stretch1", "stretch2", "shear", "reaction", "jacobian":
-        as `Result.field` gives them, τ in units of force per flat area. "angle": between the
-        threads, in degrees. "active_…", 0 or 1: whether the limit of that name is active, which
+        threads, tangent to the surface. "stretch1", "stretch2", "shear", "reaction", "jacobian",
+        "angle", "thickness": as `Result.field` gives them, τ in units of force per flat area, the
+        shear angle in degrees. "active_…", 0 or 1: whether the limit of that name is active, which
         means a slack below 5 % of its greatest value here; the slacks of a limit that has
         several are numbered, as in "active_elongation_1" for the warp.
     """
@@ -268,7 +238,8 @@ def element_fields(result, points):
         "stretch1": stretches[..., 0],
         "stretch2": stretches[..., 1],
         "shear": shear,
-        "angle": np.degrees(np.arccos(np.clip(shear, -1, 1))),
+        "angle": np.degrees(np.arctan2(shear, np.linalg.norm(np.cross(warp, weft), axis=-1))),
+        "thickness": joined(at(cloth.thickness)),
         "reaction": joined(at(cloth.reaction)),
         "jacobian": np.linalg.det(slopes),
     }
@@ -316,29 +287,27 @@ def thread_lines(result, pitch):
     return [(*line[:2], _apart(piece)) for line, piece in zip(found, pieces, strict=True)]
 
 
-def _onto_threads(result, weft, level, theta, steps=5):
-    """Points of the domain beside their threads, (n, 2), moved onto them by Newton's method."""
-    domain = result.domain
+def _onto_threads(result, weft, level, theta, steps=10):
+    """Points of the domain beside their threads, (n, 2), moved onto them by Newton's method.
+
+    Points are near already: the slopes are those at the start, and most need two steps. To find a
+    point in the mesh is what takes time.
+    """
+    domain, component = result.domain, 1 - weft
     low, high = np.array(domain.box).T
-    nearby = 1e-6 * domain.diameter * np.eye(2)
-
-    def component(theta):
-        return result.psi(*theta.T)[np.arange(len(theta)), 1 - weft]
-
-    def slopes(theta):
-        if isinstance(domain, MeshDomain):
-            whole = result.evaluate(gradient(*result.state.components[:2]), theta)
-            return whole[np.arange(len(theta)), 1 - weft]
-        # Slopes are taken a little inside the rim, that there be room for the differences.
-        inside = theta + 1e-4 * (domain.centre - theta)
-        slope = np.stack([component(inside + s) - component(inside - s) for s in nearby], axis=-1)
-        return slope / (2 * nearby.max())
-
+    theta, moving = theta.copy(), np.arange(len(theta))
+    slope = result.slopes(theta)[moving, component]
+    step = slope / (slope**2).sum(axis=1, keepdims=True)
+    settled = SETTLED * np.ptp(level)
     for _ in range(steps):
-        slope = slopes(theta)
-        excess = (component(theta) - level) / (slope**2).sum(axis=1)
-        moved = np.clip(theta - excess[:, None] * slope, low, high)
-        theta = np.where(domain.contains(moved)[:, None], moved, theta)
+        at = theta[moving]
+        excess = result.psi(*at.T)[np.arange(len(at)), component[moving]] - level[moving]
+        moved = np.clip(at - excess[:, None] * step[moving], low, high)
+        going = (np.abs(excess) > settled) & domain.contains(moved)
+        moving = moving[going]
+        theta[moving] = moved[going]
+        if not moving.size:
+            break
     return theta
 
 
@@ -359,6 +328,12 @@ def _lagrange_nodes(order):
         index[:] = barycentric
     behind = [vtkLagrangeTriangle.Index((j, i, k), order) for i, j, k in indices.tolist()]
     return indices[:, :2] / order, behind
+
+
+def _size(result):
+    """The diagonal of a box around the surface."""
+    theta, _ = sample(result, 12)
+    return float(np.linalg.norm(np.ptp(result.evaluate(result.sheet.position, theta), axis=0)))
 
 
 def _in_space(flat):

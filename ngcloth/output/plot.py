@@ -4,11 +4,14 @@ import numpy as np
 
 from ..errors import InputError
 from ..problem.domain import MeshDomain
+from .angles import BANDS, checked_limits, on_bands
 
 LABELS = {
     "stretch1": r"warp stretch $\lambda_1$",
     "stretch2": r"weft stretch $\lambda_2$",
     "shear": r"shear $\gamma$",
+    "angle": "shear angle [°]",
+    "thickness": r"thickness $t/t_0$",
     "reaction": r"reaction $\tau/k_c$ [1/length]",
     "jacobian": r"patch area element $J$",
 }
@@ -18,7 +21,7 @@ THREADS = 21  # of each family, about, by default; an odd number keeps them off 
 PLACES = ("patch", "domain", "history")
 
 
-def draw(result, field=None, where="patch", ax=None):
+def draw(result, field=None, where="patch", ax=None, limits=None):
     """Draw the patch, the domain or the history, as `Result.plot` does.
 
     Parameters
@@ -32,6 +35,9 @@ def draw(result, field=None, where="patch", ax=None):
         the same threads; or energy, residual and weight after every accepted step.
     ax : matplotlib.axes.Axes, optional
         Where to draw. By default on a new figure of pyplot.
+    limits : (float, float), optional
+        Of the field "angle", which is drawn in three colours: shear angles up to the first, up to
+        the second, and beyond, of either sign; 15° and 30° by default.
 
     Returns
     -------
@@ -51,6 +57,7 @@ def draw(result, field=None, where="patch", ax=None):
         raise InputError("where", where, "patch or domain: the solve accepted no step")
     if field is not None:
         check_field(field)
+    checked_limits(limits, field)
     if ax is None:
         import matplotlib.pyplot as plt
 
@@ -59,13 +66,13 @@ def draw(result, field=None, where="patch", ax=None):
         history(ax, result)
     else:
         sheet = patch if where == "patch" else domain
-        sheet(ax, result, field=field, pitch=default_pitch(result.outline()))
+        sheet(ax, result, field=field, pitch=default_pitch(result.outline()), limits=limits)
     if not result.converged:
         ax.set_title("not converged", color="red")
     return ax
 
 
-def patch(ax, result, *, field=None, pitch=None, levels=21, rings=60, **line):
+def patch(ax, result, *, field=None, pitch=None, levels=21, rings=60, limits=None, **line):
     """Draw the flat patch: its outline, its threads, a map of one field.
 
     Parameters
@@ -82,6 +89,8 @@ def patch(ax, result, *, field=None, pitch=None, levels=21, rings=60, **line):
         Number of levels of the map, at most: they are round numbers.
     rings : int, optional
         Fineness of the sampling, see `sample`.
+    limits : (float, float), optional
+        As for `draw`.
     **line
         How the outline is drawn, as for ``ax.plot``; for instance ``color`` and ``label``.
 
@@ -90,12 +99,12 @@ def patch(ax, result, *, field=None, pitch=None, levels=21, rings=60, **line):
     Colorbar or None
         The colour bar of the map.
     """
-    bar = _sheet(ax, result, result.psi, field, pitch, levels, rings, **line)
+    bar = _sheet(ax, result, result.psi, field, pitch, limits, levels, rings, **line)
     ax.set(xlabel=r"$X_1$ [length]", ylabel=r"$X_2$ [length]")
     return bar
 
 
-def domain(ax, result, *, field=None, pitch=None):
+def domain(ax, result, *, field=None, pitch=None, limits=None):
     """Draw the parameter domain, mirror images included, as `patch` draws the patch.
 
     Parameters
@@ -104,7 +113,7 @@ def domain(ax, result, *, field=None, pitch=None):
         Where to draw; its scales are made equal.
     result : Result
         Its whole domain, mirror images included, is drawn.
-    field, pitch : optional
+    field, pitch, limits : optional
         As for `patch`; the threads are the same.
 
     Returns
@@ -112,12 +121,12 @@ def domain(ax, result, *, field=None, pitch=None):
     Colorbar or None
         The colour bar of the map.
     """
-    bar = _sheet(ax, result, lambda *theta: np.stack(theta, axis=-1), field, pitch)
+    bar = _sheet(ax, result, lambda *theta: np.stack(theta, axis=-1), field, pitch, limits)
     ax.set(xlabel=r"$\theta_1$", ylabel=r"$\theta_2$")
     return bar
 
 
-def _sheet(ax, result, place, field, pitch, levels=21, rings=60, **line):
+def _sheet(ax, result, place, field, pitch, limits, levels=21, rings=60, **line):
     """Draw map, threads and closed rims; ``place(θ1, θ2)`` says where points go, (n, 2)."""
     bar = None
     if field is not None or pitch is not None:
@@ -125,8 +134,11 @@ def _sheet(ax, result, place, field, pitch, levels=21, rings=60, **line):
         x, y = place(*theta.T).T
     if field is not None:
         values = sampled_field(result, field, theta)
-        filled = ax.tricontourf(x, y, triangles, values, levels, **colours(field, values))
-        bar = ax.figure.colorbar(filled, ax=ax, label=LABELS[field], shrink=0.85)
+        if field == "angle":
+            bar = _bands(ax, x, y, triangles, values, checked_limits(limits))
+        else:
+            filled = ax.tricontourf(x, y, triangles, values, levels, **colours(field, values))
+            bar = ax.figure.colorbar(filled, ax=ax, label=LABELS[field], shrink=0.85)
     if pitch is not None:
         x1, x2 = result.psi(*theta.T).T
         for position, warp_or_weft in ((x2, WARP), (x1, WEFT)):
@@ -147,6 +159,15 @@ def _sheet(ax, result, place, field, pitch, levels=21, rings=60, **line):
     ax.use_sticky_edges = False  # contours would cut the outline in half
     ax.margins(0.04)
     ax.set_aspect("equal")
+    return bar
+
+
+def _bands(ax, x, y, triangles, angles, limits):
+    """Draw shear angles in three colours, and their bar."""
+    places, greatest = on_bands(angles, limits)
+    filled = ax.tricontourf(x, y, triangles, places, range(4), colors=BANDS)
+    bar = ax.figure.colorbar(filled, ax=ax, label=LABELS["angle"], shrink=0.85)
+    bar.set_ticks(range(4), labels=[f"{angle:.3g}" for angle in (0, *limits, greatest)])
     return bar
 
 
@@ -299,7 +320,14 @@ def colours(field, values):
 
 def plain(label):
     """A label without the dollars and commands of TeX."""
-    replacements = {"$": "", r"\lambda_": "λ", r"\gamma": "γ", r"\tau": "τ", "k_c": "kc"}
+    replacements = {
+        "$": "",
+        r"\lambda_": "λ",
+        r"\gamma": "γ",
+        r"\tau": "τ",
+        "k_c": "kc",
+        "t_0": "t0",
+    }
     for tex, letter in replacements.items():
         label = label.replace(tex, letter)
     return label

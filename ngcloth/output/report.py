@@ -13,6 +13,7 @@ import numpy as np
 from ..errors import InputError
 from ..problem.bars import with_bar
 from ..problem.domain import MeshDomain
+from .angles import BANDS, checked_limits, on_bands
 from .files import checked_file, write_file
 from .plot import (
     LABELS,
@@ -29,7 +30,7 @@ RINGS = 30  # of the cloth to turn, see `sample`
 SIZE, DPI = (4.6, 3.5), 170  # inches, pixels per inch: letters stay readable in a column
 
 
-def report(result, path, files=()):
+def report(result, path, files=(), limits=None):
     """Write one self-contained HTML page: scene, certificate, numbers, figures, the cloth to turn.
 
     Parameters
@@ -41,6 +42,8 @@ def report(result, path, files=()):
     files : sequence of path, optional
         Exported files and folders to link to, in the folder of the page or below it; relative
         paths start there.
+    limits : (float, float), optional
+        Of the three colours of the shear angle, 15° and 30° by default.
 
     Returns
     -------
@@ -50,8 +53,8 @@ def report(result, path, files=()):
     Raises
     ------
     InputError
-        If the path has another ending or names a folder, its folder does not exist, or a file to
-        link to is not there; before anything is computed.
+        If the path has another ending or names a folder, its folder does not exist, a file to
+        link to is not there, or the limits are not two angles; before anything is computed.
     OSError
         If the page cannot be written, which leaves a former one as it was.
 
@@ -61,8 +64,8 @@ def report(result, path, files=()):
     The domain of a chart has to be star-shaped about its centre, see `ngcloth.plot.sample`.
     """
     page = checked_file(path, ".html")
-    links = _links(page.parent, files)
-    fields = ["stretch1", "stretch2", "shear"]
+    links, limits = _links(page.parent, files), checked_limits(limits)
+    fields = ["stretch1", "stretch2", "shear", "angle", "thickness"]
     if not result.scene.inextensible:
         fields.append("reaction")
     certificate = result.certificate()
@@ -76,10 +79,11 @@ def report(result, path, files=()):
         scene="".join(f"<div>{escape(line)}</div>" for line in str(result.scene).splitlines()),
         numbers=_table(_numbers(result)),
         extrema=_table(_extrema(result)),
+        angles=_table(_angles(result, limits)),
         settings=_table(_settings(result)),
-        figures="\n".join(_figures(result, fields)),
+        figures="\n".join(_figures(result, fields, limits)),
         links=links,
-        cloth=json.dumps(_cloth(result, fields), separators=(",", ":"), allow_nan=False),
+        cloth=json.dumps(_cloth(result, fields, limits), separators=(",", ":"), allow_nan=False),
     )
     write_file(page, text.encode())
     return page
@@ -151,6 +155,13 @@ def _extrema(result):
     return rows
 
 
+def _angles(result, limits):
+    rows = [("sheared by more than", "area on the surface", "share")]
+    for limit, (area, share) in result.area_beyond(limits).items():
+        rows.append((f"{limit:g}°", f"{area:.6g}", f"{share:.1%}"))
+    return rows
+
+
 def _settings(result):
     from ..version import __version__
 
@@ -166,7 +177,7 @@ def _table(rows):
     return "\n".join(lines)
 
 
-def _figures(result, fields):
+def _figures(result, fields, limits):
     """The figures of the page, patch first and history last."""
     pitch = default_pitch(result.outline())
     yield _figure(
@@ -174,18 +185,19 @@ def _figures(result, fields):
         f"The flat patch: warp threads in blue, weft threads in orange, {pitch:.3g} apart.",
     )
     for field in fields:
-        yield _figure(result, f"On the patch: {plain(LABELS[field])}.", field)
+        three = limits if field == "angle" else None
+        yield _figure(result, f"On the patch: {plain(LABELS[field])}.", field, limits=three)
     if result.history:
         yield _figure(result, "How the solve went, step by step.", where="history")
     else:
         yield "<p>The solve accepted no step, and so has no history.</p>"
 
 
-def _figure(result, caption, field=None, where="patch"):
+def _figure(result, caption, field=None, where="patch", limits=None):
     from matplotlib.figure import Figure
 
     figure, picture = Figure(figsize=SIZE, layout="compressed"), io.BytesIO()
-    draw(result, field, where, figure.subplots())
+    draw(result, field, where, figure.subplots(), limits)
     figure.savefig(picture, format="png", dpi=DPI)
     encoded = base64.b64encode(picture.getvalue()).decode()
     return (
@@ -194,7 +206,7 @@ def _figure(result, caption, field=None, where="patch"):
     )
 
 
-def _cloth(result, fields):
+def _cloth(result, fields, limits):
     """The surface for the script of the page, all numbers whole to keep it small.
 
     Per point: its place in the frame of the centre, in a ball of radius 10000; its normal, times
@@ -225,21 +237,29 @@ def _cloth(result, fields):
         "normals": whole(1e2 * normals),
         "lines": whole(1e3 * lines),
         "triangles": whole(triangles),
-        "fields": [_coloured(result, field, theta, whole) for field in fields],
+        "fields": [_coloured(result, field, theta, limits, whole) for field in fields],
     }
 
 
-def _coloured(result, field, theta, whole):
+def _coloured(result, field, theta, limits, whole):
     from matplotlib import colormaps
+    from matplotlib.colors import to_rgb
 
-    values = sampled_field(result, field, theta)
-    chosen = colours(field, values)
-    low, high = chosen["vmin"], chosen["vmax"]
-    share = (values - low) / (high - low) if high > low else np.full_like(values, 0.5)
+    values, marks = sampled_field(result, field, theta), []
+    if field == "angle":
+        places, high = on_bands(values, limits)
+        low, share, marks = 0, places / 3, limits
+        table = np.array([to_rgb(colour) for colour in BANDS])[np.arange(256) // 86]
+    else:
+        chosen = colours(field, values)
+        low, high = chosen["vmin"], chosen["vmax"]
+        share = (values - low) / (high - low) if high > low else np.full_like(values, 0.5)
+        table = colormaps[chosen["cmap"]](np.arange(256))[:, :3]
     return {
         "label": plain(LABELS[field]),
         "low": f"{low:.3g}",
         "high": f"{high:.3g}",
+        "marks": [f"{mark:.3g}" for mark in marks],
         "values": whole(255 * share),
-        "colours": whole(255 * colormaps[chosen["cmap"]](np.arange(256))[:, :3]),
+        "colours": whole(255 * table),
     }

@@ -10,6 +10,7 @@ import numpy as np
 import pyvista as pv
 from matplotlib import get_data_path
 
+from .angles import BANDS, checked_limits, on_bands
 from .files import checked_file, write_file
 from .plot import (
     LABELS,
@@ -42,6 +43,7 @@ def cloth(
     elevation=35.0,
     size=(900, 800),
     rings=100,
+    limits=None,
 ):
     """Draw the cloth on its surface.
 
@@ -64,6 +66,8 @@ def cloth(
         Width and height of the picture in pixels.
     rings : int, optional
         Fineness of the sampling, see `ngcloth.plot.sample`.
+    limits : (float, float), optional
+        Of the three colours of the field "angle", see `ngcloth.plot.draw`.
 
     Returns
     -------
@@ -74,7 +78,8 @@ def cloth(
     Raises
     ------
     InputError
-        If there is no such field, no thread or too many at that pitch, or no such picture.
+        If there is no such field, no thread or too many at that pitch, or no such picture; if the
+        limits are not two angles.
     OSError
         If the picture cannot be written, which leaves a former one as it was.
     RuntimeError
@@ -82,6 +87,7 @@ def cloth(
     """
     if field is not None:
         check_field(field)
+    checked_limits(limits, field)
     if screenshot is not None:
         screenshot = _checked_picture(screenshot)
     mesh = _sampled_surface(result, rings)
@@ -92,7 +98,8 @@ def cloth(
     if field is None:
         plotter.add_mesh(mesh, color="gainsboro", **MATT)
     else:
-        _add_map(plotter, mesh, field, sampled_field(result, field, mesh.point_data["theta"]))
+        values = sampled_field(result, field, mesh.point_data["theta"])
+        _add_map(plotter, mesh, field, values, limits)
     pitch = default_pitch(mesh.point_data["psi"]) if pitch is None else pitch
     for position, colour in zip(mesh.point_data["psi"].T[::-1], (WARP, WEFT), strict=True):
         levels = thread_levels(position, pitch)
@@ -162,13 +169,26 @@ def _sampled_surface(result, rings):
     return mesh
 
 
-def _add_map(plotter, mesh, field, values):
+def _add_map(plotter, mesh, field, values, limits):
     """The surface coloured by a field, and a colour bar that names it."""
+    labels = None
+    if field == "angle":
+        limits = checked_limits(limits)
+        values, greatest = on_bands(values, limits)
+        ends, colour_map = [0, 3], list(BANDS)
+        labels = {k: f"{angle:.3g}" for k, angle in enumerate((0, *limits, greatest))}
+    else:
+        chosen = colours(field, values)
+        ends, colour_map = [chosen["vmin"], chosen["vmax"]], chosen["cmap"]
     mesh.point_data[field] = values
-    chosen = colours(field, values)
-    limits = [chosen["vmin"], chosen["vmax"]]
     actor = plotter.add_mesh(
-        mesh, scalars=field, cmap=chosen["cmap"], clim=limits, show_scalar_bar=False, **MATT
+        mesh,
+        scalars=field,
+        cmap=colour_map,
+        clim=ends,
+        annotations=labels,
+        show_scalar_bar=False,
+        **MATT,
     )
     height = plotter.window_size[1]
     bar = plotter.add_scalar_bar(
@@ -182,8 +202,11 @@ def _add_map(plotter, mesh, field, values):
         color="black",
         title_font_size=height // 32,
         label_font_size=height // 36,
-        fmt="%.2f" if np.ptp(limits) > 0.1 else "%.5f",
+        fmt="%.2f" if np.ptp(ends) > 0.1 else "%.5f",
+        n_labels=0 if labels else 5,
     )
+    if labels:  # beside the bar like numbers, not between it and the cloth
+        bar.SetTextPositionToPrecedeScalarBar()
     # The fonts that VTK brings along have no Greek letters.
     for text in (bar.GetTitleTextProperty(), bar.GetLabelTextProperty()):
         text.SetFontFamily(FONT_FILE)

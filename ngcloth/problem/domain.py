@@ -188,6 +188,18 @@ class Rectangle(Domain):
         return MoveTo(low1, low2).Rectangle(high1 - low1, high2 - low2).Face()
 
 
+def divided_triangle(parts):
+    """The triangle (0, 0), (1, 0), (0, 1) with each side in parts: points (n, 2), triangles."""
+    i, j = np.array([(i, j) for i in range(parts + 1) for j in range(parts + 1 - i)]).T
+    number = np.full((parts + 2, parts + 2), -1)
+    number[i, j] = np.arange(len(i))
+    a, b = i[i + j < parts], j[i + j < parts]
+    upright = np.stack([number[a, b], number[a + 1, b], number[a, b + 1]], axis=-1)
+    a, b = i[i + j < parts - 1], j[i + j < parts - 1]
+    hanging = np.stack([number[a + 1, b], number[a + 1, b + 1], number[a, b + 1]], axis=-1)
+    return np.stack([i, j], axis=-1) / parts, np.concatenate([upright, hanging])
+
+
 class MeshDomain(Domain):
     """The region that a planar mesh with straight edges covers, with or without holes.
 
@@ -273,18 +285,11 @@ class MeshDomain(Domain):
 
     def divided(self, parts):
         """Its triangles, each side in `parts`: points (n, 2), and triangles by their numbers."""
-        i, j = np.array([(i, j) for i in range(parts + 1) for j in range(parts + 1 - i)]).T
-        number = np.full((parts + 2, parts + 2), -1)
-        number[i, j] = np.arange(len(i))
-        upright = i + j < parts
-        a, b = i[upright], j[upright]
-        small = [np.stack([number[a, b], number[a + 1, b], number[a, b + 1]], axis=-1)]
-        a, b = i[i + j < parts - 1], j[i + j < parts - 1]
-        small.append(np.stack([number[a + 1, b], number[a + 1, b + 1], number[a, b + 1]], axis=-1))
-        shares = np.stack([parts - i - j, i, j], axis=-1) / parts
+        reference, small = divided_triangle(parts)
+        shares = np.column_stack([1 - reference.sum(axis=1), reference])
         points = np.einsum("ns,tsc->tnc", shares, self.triangles)
-        first = len(i) * np.arange(len(points))[:, None, None]
-        triangles = (first + np.concatenate(small)).reshape(-1, 3)
+        first = len(reference) * np.arange(len(points))[:, None, None]
+        triangles = (first + small).reshape(-1, 3)
         points = points.reshape(-1, 2)
         grid = np.rint(points / (1e-7 * self.diameter)).astype(np.int64)
         _, once, where = np.unique(grid, axis=0, return_index=True, return_inverse=True)

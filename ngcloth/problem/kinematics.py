@@ -3,6 +3,7 @@
 from functools import cached_property
 
 import ngsolve as ngs
+import numpy as np
 
 
 class Kinematics:
@@ -27,13 +28,16 @@ class Kinematics:
     cauchy_green : C
     stretch1, stretch2 : λ1 = √I4 of the warp, λ2 = √I6 of the weft
     shear : γ = I8 / (λ1 λ2), cosine of the angle between the threads
+    angle : shear angle in degrees, 90° minus the angle between the threads; its sine is γ
+    thickness : t/t0 of incompressible cloth, one over the areal stretch √det C = √det a / J
     energy_slopes : list of the derivatives of W by I4, I6 and I8
     reaction : τ = −2 w : G⁻ᵀ b G⁻¹ with w = dW/dC, force per flat area with which the surface
         pushes (Laplace's law)
     """
 
     def __init__(self, gradient, metric, fabric=None, curvature=None):
-        self.gradient, self.fabric, self.curvature = gradient, fabric, curvature
+        self.gradient, self.metric = gradient, metric
+        self.fabric, self.curvature = fabric, curvature
         self.jacobian = ngs.Det(gradient)
         self.inverse = ngs.Inv(gradient)
         self.I4, self.I6, self.I8 = self.pushed(metric)
@@ -58,6 +62,15 @@ class Kinematics:
     @cached_property
     def shear(self):  # noqa: D102
         return self.I8 / ngs.sqrt(self.I4 * self.I6)
+
+    @cached_property
+    def angle(self):  # noqa: D102
+        # By the areal stretch λ1 λ2 cos(angle): the arc sine of γ has no slope at a collapse.
+        return 180 / np.pi * ngs.atan2(self.I8, 1 / self.thickness)
+
+    @cached_property
+    def thickness(self):  # noqa: D102
+        return self.jacobian / ngs.sqrt(ngs.Det(self.metric))
 
     @cached_property
     def energy_slopes(self):  # noqa: D102

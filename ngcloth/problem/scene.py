@@ -11,7 +11,7 @@ from netgen.meshing import NgException
 from ..errors import InputError, check_number
 from ..geometry.file_surface import FileSurface
 from . import returned
-from .constraints import Obstacle
+from .constraints import Elongation, Obstacle, ShearLimit
 from .domain import Disk
 from .fabric import STIFFNESSES, Net
 from .kinematics import Kinematics
@@ -121,10 +121,15 @@ class Scene:
         slopes = self._check_start()
         if self.symmetric:
             self._check_mirrors()
-        states = States(self, slopes)
-        states.check_derivatives()
-        if self.symmetric:
-            states.check_mirrors()
+        laws = {type(each) for each in (self.fabric, *self.constraints)}
+        # The derivatives and the symmetry of these are known; an obstacle feels the curvature, too.
+        foreign = self.cost is not None or not laws <= {Net, Elongation, ShearLimit, Obstacle}
+        mirrored = self.symmetric and (foreign or Obstacle in laws)
+        if foreign or mirrored:
+            states = States(self, slopes)
+            states.check_derivatives()
+            if mirrored:
+                states.check_mirrors()
 
     @property
     def in_equilibrium(self):

@@ -7,7 +7,6 @@ meshes, tables, steps. Here they meet difference quotients.
 from functools import cache
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 AGREEMENT = 1e-3  # of slopes with difference quotients
 SCALE_SHARE = 1e-6  # below which slopes do not count, over the largest of their kind
@@ -66,11 +65,8 @@ def disagreement(sample, points, pairs, known):
 def _excess(points, pairs, values, slopes, scale):
     """By how much pairs disagree, over what is allowed, less one; and the scale of changes."""
     start, end = pairs.T
-    step = (points[end] - points[start])[:, -slopes.shape[2] :, None].swapaxes(0, 1)
-    along = [
-        sum(part[at] * way for part, way in zip(np.moveaxis(slopes, 2, 0), step, strict=True))
-        for at in (start, end)
-    ]
+    step = (points[end] - points[start])[:, -slopes.shape[2] :]
+    along = [np.einsum("pkd,pd->pk", slopes[at], step) for at in (start, end)]
     with np.errstate(invalid="ignore", over="ignore"):
         change = values[end] - values[start]
         beyond = np.maximum(change - np.maximum(*along), np.minimum(*along) - change)
@@ -132,8 +128,8 @@ class Lattice:
         grid = np.full(self._inside.shape, np.inf)
         grid[self._inside] = values
         around = np.pad(grid, 1, constant_values=np.inf)
-        rows = sliding_window_view(around, 3, axis=1).min(axis=-1)
-        least = sliding_window_view(rows, 3, axis=0).min(axis=-1)
+        rows = np.minimum(np.minimum(around[:, :-2], around[:, 1:-1]), around[:, 2:])
+        least = np.minimum(np.minimum(rows[:-2], rows[1:-1]), rows[2:])
         found = np.flatnonzero((least == grid)[self._inside])
         return self.points[found[np.argsort(values[found])[:LOWEST]]]
 

@@ -182,7 +182,7 @@ class Certificate:
             faults.append(f"the cost may still fall by {self.in_sight:.2g} of itself")
         elif not (self.barrier_strain <= LIMIT or self.barrier_share <= BARRIER):
             faults.append(
-                f"the barrier is to blame for {self.barrier_share:.2g} of the cost, "
+                f"the barrier makes {self.barrier_share:.2g} of the cost, "
                 f"and a strain of {self.barrier_strain:.2g}"
             )
         elif not self.stationarity_richer <= self.richer_tolerance:

@@ -19,6 +19,8 @@ from .history import Reason
 from .patch import Patch
 from .taken_away import TakenAway
 
+SIGNED = ("shear", "angle")  # fields whose sign a mirror turns over
+
 
 @dataclass(frozen=True)
 class Result(TakenAway):
@@ -99,13 +101,14 @@ class Result(TakenAway):
         """Least and greatest value of each field, {"stretch1": (min, max), …}.
 
         They are taken over a lattice on every element that includes its edges and is finer than
-        the integration rule; the keys are "stretch1", "stretch2", "shear", "reaction" and
-        "jacobian". Shear counts in all mirror images.
+        the integration rule; the keys are the names of `field`. Shear and its angle count in all
+        mirror images.
         """
         extrema = {name: self._range(name) for name in self._fields}
         if self.scene.symmetric:
-            low, high = extrema["shear"]
-            extrema["shear"] = min(low, -high), max(high, -low)
+            for name in SIGNED:
+                low, high = extrema[name]
+                extrema[name] = min(low, -high), max(high, -low)
         return extrema
 
     @property
@@ -139,7 +142,7 @@ class Result(TakenAway):
 
         Returns
         -------
-        ndarray, (...) or (..., *expression.dims)
+        ndarray, (...) + expression.dims
         """
         surface, theta = self.scene.surface, np.asarray(theta, dtype=float)
         if not isinstance(surface, FileSurface):
@@ -231,8 +234,10 @@ class Result(TakenAway):
         Parameters
         ----------
         name : str
-            "stretch1", "stretch2", "shear" (cosine of the angle between the threads),
-            "reaction" (force per flat area, > 0 where the surface pushes) or "jacobian".
+            "stretch1", "stretch2", "shear" (γ, cosine of the angle between the threads), "angle"
+            (the shear angle in degrees: 90° minus the angle between the threads, signed as γ),
+            "thickness" (t/t0 of incompressible cloth, 1 over the areal stretch), "reaction" (force
+            per flat area, > 0 where the surface pushes) or "jacobian".
         theta1, theta2 : float or array_like
             As for `psi`.
 
@@ -245,7 +250,7 @@ class Result(TakenAway):
         theta, sign = self._folded(theta1, theta2)
         points, _ = self._located(theta)
         values = _at(self._fields[name], points).reshape(sign.shape[:-1])
-        return values * sign.prod(axis=-1) if name == "shear" else values
+        return values * sign.prod(axis=-1) if name in SIGNED else values
 
     def outline(self, n=400, hole=0):
         """`n` points along the rim of the whole flat patch, shape (n, 2).
@@ -338,6 +343,8 @@ class Result(TakenAway):
             "stretch1": cloth.stretch1,
             "stretch2": cloth.stretch2,
             "shear": cloth.shear,
+            "angle": cloth.angle,
+            "thickness": cloth.thickness,
             "reaction": cloth.reaction,
             "jacobian": cloth.jacobian,
         }
@@ -376,15 +383,15 @@ class Result(TakenAway):
         if isinstance(self.scene.surface, FileSurface):
             return self.domain.located(theta), np.zeros_like(theta)
         centre = self.domain.centre
-        inside = theta.copy()
+        inside, points = theta.copy(), self._mesh(*theta.T)
         if self.scene.symmetric:
             centre = centre + 0.25 * self.domain.diameter
-        for shrink in (0.0, *10.0 ** np.arange(-13, -2), *np.linspace(0.01, 0.3, 30)):
-            points = self._mesh(*inside.T)
-            missing = points["nr"] < 0
-            if not missing.any():
+        for shrink in (*10.0 ** np.arange(-13, -2), *np.linspace(0.01, 0.3, 30)):
+            missing = np.flatnonzero(points["nr"] < 0)
+            if not missing.size:
                 break
             inside[missing] = centre + (1 - shrink) * (theta[missing] - centre)
+            points[missing] = self._mesh(*inside[missing].T)
         return points, theta - inside
 
 

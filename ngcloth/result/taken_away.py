@@ -9,24 +9,34 @@ class TakenAway:
     export_svg = export_svg
     export_dxf = export_dxf
 
-    def plot(self, field=None, where="patch", ax=None):
+    def plot(self, field=None, where="patch", ax=None, limits=None):
         """Draw the threads, over a field if one is named, with matplotlib.
 
         ``where="domain"`` draws them on the parameter domain and ``"history"`` how the solve went;
-        see `ngcloth.plot.draw`.
+        the field "angle" has three colours, with `limits` of 15° and 30° by default; see
+        `ngcloth.plot.draw`.
         """
         from ..output.plot import draw
 
-        return draw(self, field, where, ax)
+        return draw(self, field, where, ax, limits)
 
-    def view(self, field=None, *, pitch=None, screenshot=None):
+    def view(self, field=None, *, pitch=None, screenshot=None, limits=None):
         """Draw the cloth on its surface with PyVista, to be turned by ``result.view().show()``.
 
         `screenshot` names a picture to write instead; see `ngcloth.view.cloth`.
         """
         from ..output.view import cloth
 
-        return cloth(self, field=field, pitch=pitch, screenshot=screenshot)
+        return cloth(self, field=field, pitch=pitch, screenshot=screenshot, limits=limits)
+
+    def area_beyond(self, limits=None):
+        """Area under cloth that is sheared by more than each limit, 15° and 30° by default.
+
+        A dict of (area on the surface, its share) by limit; see `ngcloth.output.angles`.
+        """
+        from ..output.angles import area_beyond
+
+        return area_beyond(self, limits)
 
     def save(self, folder):
         """Write everything to a folder of open formats, for `ngcloth.load` to read.
@@ -58,14 +68,18 @@ class TakenAway:
 
         return threads(self, path, pitch)
 
-    def export_surface(self, path):
+    def export_surface(self, path, tolerance=None):
         """Write surface and patch as triangles (.stl, .obj), see `ngcloth.fields.surface`."""
         from ..output.fields import surface
 
-        return surface(self, path)
+        return surface(self, path, tolerance)
 
-    def export_fibres(self, path):
-        """Write a table of thread directions (.csv), see `ngcloth.fields.fibres`."""
-        from ..output.fields import fibres
+    def export_fibres(self, path, format=None, *, thickness=None, order=None):
+        """Write thread directions as a table (.csv), or as shells for a structural solver.
 
-        return fibres(self, path)
+        `format` is "csv", "abaqus", "calculix", "nastran" or "lsdyna", by default what the ending
+        says; `thickness` that of the flat cloth; see `ngcloth.fields.fibres`.
+        """
+        from ..output.fibres import fibres
+
+        return fibres(self, path, format, thickness=thickness, order=order)

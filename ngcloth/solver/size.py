@@ -31,18 +31,36 @@ def check_memory(scene, settings):
     InputError
         With the estimate.
     """
-    order = settings["order"]
-    triangles = _triangles(scene, settings["maxh"])
-    points, shapes = (settings["quadrature"] // 2 + 1) ** 2, (order + 1) * (order + 2) / 2
-    each = PER_POINT * points + PER_PAIR * shapes**2
-    memory, limit = triangles * each * (1 if scene.in_equilibrium else WITHOUT), _memory()
+    memory, limit = estimated_memory(scene, settings), _memory()
     if memory > limit:
+        order, triangles = settings["order"], _triangles(scene, settings["maxh"])
         unknowns = triangles * order**2 * (2 if scene.in_equilibrium else 1)
         allowed = (
             f"about {triangles:.1e} triangles of order {order}, {unknowns:.1e} unknowns and "
             f"{memory / 1e9:.3g} GB, more than the {limit / 1e9:.3g} GB there are"
         )
         raise InputError("maxh", settings["maxh"], allowed)
+
+
+def estimated_memory(scene, settings):
+    """About how many bytes a solve takes at most.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is to be solved.
+    settings : dict
+        As of `solve`.
+
+    Returns
+    -------
+    float
+    """
+    order = settings["order"]
+    points, shapes = (settings["quadrature"] // 2 + 1) ** 2, (order + 1) * (order + 2) / 2
+    each = PER_POINT * points + PER_PAIR * shapes**2
+    scale = 1 if scene.in_equilibrium else WITHOUT
+    return float(_triangles(scene, settings["maxh"]) * each * scale)
 
 
 def check_seconds(scene, maxh, max_seconds):

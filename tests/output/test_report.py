@@ -18,8 +18,10 @@ from ngcloth import InputError, Net, Reason, Rectangle, Scene, Surface
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
+from matplotlib.colors import to_rgb  # noqa: E402
 
 from ngcloth import plot  # noqa: E402
+from ngcloth.output.angles import BANDS  # noqa: E402
 
 RADIUS = np.sqrt(1.25)  # of the ball around the box around the hemisphere
 VOID = {"meta", "link", "img", "br", "input"}
@@ -189,6 +191,14 @@ def test_page_is_small_and_loads_nothing(written, name):
             )
 
 
+def test_page_has_a_place_for_the_error_bar(tmp_path):
+    with_bar = solved("plane")
+    object.__setattr__(with_bar, "error", "± 0.0123")
+    (_, text), *_ = Reader(ngcloth.report(with_bar, tmp_path / "page.html")).all("body")
+    object.__delattr__(with_bar, "error")
+    assert "error bar± 0.0123" in text
+
+
 def test_page_tells_the_result(written):
     result, page = solved("chebyshev"), Reader(written("chebyshev"))
     assert page.verdict() == ({"class": "verdict good"}, "Converged and certified:")
@@ -198,12 +208,14 @@ def test_page_tells_the_result(written):
     numbers = [result.energy, result.area, *result.extrema["stretch1"], *result.extrema["shear"]]
     for number in numbers:
         assert f"{number:.6g}" in text
+    for limit, (area, share) in result.area_beyond().items():
+        assert f"{limit:g}°{area:.6g}{share:.1%}" in text
     for word in ("sparsecholesky", "Newton steps", f"{result.seconds:.2f}", ngcloth.__version__):
         assert word in text
     assert "equilibrium" not in text  # nothing to hold
 
 
-@pytest.mark.parametrize(("name", "count"), [("chebyshev", 5), ("cut short", 6)])
+@pytest.mark.parametrize(("name", "count"), [("chebyshev", 7), ("cut short", 8)])
 def test_figures_are_drawn(written, name, count):
     figures = Reader(written(name)).all("img")
     assert len(figures) == count  # the reaction only where there is stress
@@ -239,6 +251,7 @@ def test_cloth_is_the_hemisphere_with_its_threads(written):
     first, second = np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 0)
     area = np.linalg.norm(np.cross(first, second), axis=1).sum() / 2
     assert area == pytest.approx(2 * np.pi, rel=2e-3)
+    assert len(corners) < 10_000  # which a browser draws in a moment
     lines = np.reshape(cloth["lines"], (-1, 3)) / 1000
     rim = lines[:, 2] == 0
     np.testing.assert_allclose(points[rim, 2], 0, atol=3e-4)
@@ -335,6 +348,15 @@ def test_page_opens_and_the_cloth_turns_under_the_mouse(written, browser, size):
         x, y = 0.93 * radius * np.cos(angle), 0.93 * radius * np.sin(angle)
         red, _, blue = shear[round(height / 2 - y), round(width / 2 + x)]
         assert sign * (red - blue) > 0.2
+    page.select_option("#field", label="shear angle [°]")
+    angle = drawn(page)[..., :3]
+    assert page.locator("#map u").all_inner_texts() == ["15", "30"]
+    colours, turn = np.array([to_rgb(band) for band in BANDS]), np.radians(15)
+    for polar, band in ((0.0, 0), (0.5, 0), (0.77, 1), (0.95, 2)):  # on a diagonal
+        x, y = polar * radius * np.cos(turn), polar * radius * np.sin(turn)
+        here = angle[round(height / 2 - y) + 4, round(width / 2 + x) + 4]
+        there = np.linalg.norm(here / here.max() - colours / colours.max(1, keepdims=True), axis=1)
+        assert there.argmin() == band
     for display in ("none", ""):  # as while a page is laid out, or in a tab behind
         page.evaluate(f"canvas.style.display = '{display}'; drawn()")
     assert (drawn(page)[..., 3] > 0).any()

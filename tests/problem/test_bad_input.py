@@ -13,6 +13,7 @@ from scipy.interpolate import make_interp_spline
 
 import ngcloth
 from ngcloth import Disk, Elongation, InputError, Net, Obstacle, Rectangle, Scene, Surface
+from ngcloth.problem.states import States
 
 NAN, INF = float("nan"), float("inf")
 SPHERE = ngcloth.scenes.hemisphere().surface
@@ -284,6 +285,30 @@ def test_charts_whose_derivatives_are_not_their_own(height):
         Surface(lambda x, y: (x, y, height(x, y)), Disk())
     assert error.value.argument == "chart" and "from_heights" in error.value.allowed
     assert Disk().contains(np.array(error.value.value))
+
+
+PLACE = ngs.Parameter(2.0)  # of a step, outside the disk
+
+
+def test_a_chart_that_has_passed_is_checked_again_once_it_is_another():
+    """A study makes many surfaces alike; they are told apart by what they are closed over."""
+
+    def dome(height, step):
+        def chart(x, y):
+            return x, y, height * (x * x + y * y) + ngs.IfPos(x - PLACE, 0.1, step)
+
+        return Surface(chart, Disk())
+
+    for height in (0.3, 0.4, 0.3):
+        dome(height, 0.0)
+    creased = ngs.IfPos(0.005**2 - (ngs.x - 0.3) ** 2 - (ngs.y + 0.7) ** 2, 0.1, 0)
+    with pytest.raises(InputError, match="derivatives"):
+        dome(0.3, creased)
+    PLACE.Set(0.3)
+    with pytest.raises(InputError, match="derivatives"):
+        dome(0.3, 0.0)
+    PLACE.Set(2.0)
+    assert dome(0.3, 0.0).evaluate(ngs.x, (0.3, 0.1)) == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(
@@ -619,6 +644,23 @@ def test_laws_whose_derivatives_are_not_their_own(wrong):
     assert "Limit.slacks" in refused("constraints", "Limit", scene, limits=limit).allowed
     error = refused("cost", "", scene, cost=lambda cloth: wrong(cloth.I6) + cloth.shear**2)
     assert "derivatives" in error.allowed
+
+
+@pytest.mark.parametrize(
+    "known",
+    [
+        ngcloth.scenes.hemisphere(ks=0.0),
+        ngcloth.scenes.sphere(0.85, ks=3.0, shear_limit=0.8),
+        ngcloth.scenes.hemicatenoid(ks=0.1, obstacle=True, symmetric=True),
+        Scene(SPHERE, Net(kc=1e3, ks=1e-3), [Elongation(), Obstacle()], start=(0.2, 0.1)),
+    ],
+)
+def test_the_laws_of_the_library_would_pass_what_those_of_users_have_to(known):
+    """Scenes of nothing else are not tried, which would take most of their time."""
+    states = States(known, known._check_start())
+    states.check_derivatives()
+    if known.symmetric:
+        states.check_mirrors()
 
 
 def test_a_start_below_the_knots_of_a_spline():

@@ -430,7 +430,8 @@ def test_area_is_that_within_the_outline(scene):
 
 
 def test_extrema(hemisphere):
-    assert set(hemisphere.extrema) == {"stretch1", "stretch2", "shear", "reaction", "jacobian"}
+    names = {"stretch1", "stretch2", "shear", "angle", "thickness", "reaction", "jacobian"}
+    assert set(hemisphere.extrema) == names
     t = np.random.default_rng(2).uniform(-0.7, 0.7, (2, 500))
     for name, (low, high) in hemisphere.extrema.items():
         values = hemisphere.field(name, *t)

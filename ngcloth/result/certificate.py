@@ -92,7 +92,7 @@ class Certificate:
         `Result.equilibrium_residual`; None without limits or a cost of the scene's own, where
         stationarity implies it.
     equilibrium_tolerance : float
-        What of it is accepted: a tenth, or what is a thousandth of kc, an error of the mesh.
+        What of it is accepted: a tenth, or what is a hundredth of kc, an error of the mesh.
     stress : float
         The scale of `stationarity`, and of `curvature`.
     stationarity : float

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 POINTS = 200  # of the outlines that are compared
-# Energies tend to a limit where a change of more than the first, over the energy, is followed by one
-# of the same sign that is smaller by the second, and a smaller one by one that is as small. Of a
-# single change all that can be asked is that it is below the third.
+# Energies tend to a limit where a change of more than the first, over the energy, is followed by
+# one of the same sign that is smaller by the second, and a smaller one by one that is as small. Of
+# a single change all that can be asked is that it is below the third.
 LARGE, SMALLER, LARGEST = 1e-2, 0.6, 0.1
 
 

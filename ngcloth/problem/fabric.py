@@ -36,6 +36,34 @@ class Net:
         object.__setattr__(self, "kc", kc)
         object.__setattr__(self, "ks", check_number("ks", self.ks, 0, STIFFNESSES[1]))
 
+    @classmethod
+    def from_moduli(cls, E, G, thickness):
+        """The net that for small strains is a sheet of given moduli along and across its threads.
+
+        A strain e of a thread costs E t e²/2 per area, and kc (I4 − 1)² is 4 kc e²; shear by a
+        small angle φ costs G t φ²/2, and ks I8² is ks φ². So kc = E t/8, ks = G t/2 and ks/kc =
+        4 G/E. Lateral contraction is left out, as in all nets.
+
+        Parameters
+        ----------
+        E : float or (float, float)
+            Young's modulus along the threads, in MPa; a pair for warp and weft.
+        G : float
+            Shear modulus in the plane, in MPa.
+        thickness : float
+            t, in mm, of which E and G are those per area.
+
+        Returns
+        -------
+        Net
+            With kc and ks in N/mm, for surfaces in mm.
+        """
+        thickness = check_number("thickness", thickness, 0, open_low=True)
+        moduli = E if isinstance(E, tuple) else (E,)
+        kc = [check_number("E", modulus, 0, open_low=True) * thickness / 8 for modulus in moduli]
+        ks = check_number("G", G, 0) * thickness / 2
+        return cls(kc=tuple(kc) if isinstance(E, tuple) else kc[0], ks=ks)
+
     @property
     def stiffness(self):
         """The thread stiffness by which energies are normalised: the mean of warp and weft."""

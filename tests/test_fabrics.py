@@ -1,0 +1,246 @@
+"""Fabrics from data sheets and from tests."""
+
+import pickle
+
+import ngsolve as ngs
+import numpy as np
+import pytest
+
+import ngcloth
+from ngcloth import BiasExtension, Disk, InputError, MeasuredFabric, Net, PictureFrame, Surface
+
+ROWS = 1000
+LAWS = {
+    "straight": lambda s: s,
+    "crimped": lambda s: s**2,
+    "locking": lambda s: 0.05 * s + s**6,
+    "with friction": lambda s: 0.2 * np.tanh(s / 0.05) + 0.1 * s + s**5,
+    "free, then stiff": lambda s: np.maximum(s - 0.6, 0) ** 2,
+}
+
+
+def strained(fabric, stretch1=1.0, stretch2=1.0, gamma=0.0):
+    """W of numbers."""
+    surface = Surface(lambda x, y: (x, y, 0 * x), Disk())
+    state = stretch1**2, stretch2**2, stretch1 * stretch2 * gamma
+    energy = fabric.energy(*(ngs.Parameter(each) for each in state))
+    return float(surface.evaluate(energy, np.zeros((1, 2)))[0])
+
+
+def noisy(values, seed, level=0.02):
+    return values * (1 + level * np.random.default_rng(seed).standard_normal(values.shape))
+
+
+def angles(most=50.0, rows=ROWS):
+    return np.linspace(0, most, rows + 1)[1:]
+
+
+def linear(end=1.02, force=100.0, rows=20):
+    stretch = np.linspace(1, end, rows)
+    return np.column_stack([stretch, force * (stretch - 1) / (end - 1)])
+
+
+def shear_table(law=LAWS["locking"], most=50.0, rows=ROWS):
+    at = angles(most, rows)
+    return np.column_stack([at, law(at / most)])
+
+
+def test_moduli_are_those_of_small_strains():
+    """Tension of one thread and shear, against E t e²/2 and G t φ²/2."""
+    E, G, t, small = 70e3, 4e3, 0.3, 1e-4
+    net = Net.from_moduli(E, G, t)
+    assert net.ks / net.kc == pytest.approx(4 * G / E, rel=1e-12)
+    assert strained(net, 1 + small) == pytest.approx(E * t * small**2 / 2, rel=2e-4)
+    assert strained(net, gamma=np.sin(small)) == pytest.approx(G * t * small**2 / 2, rel=1e-6)
+    unequal = Net.from_moduli((E, E / 2), G, t)
+    assert strained(unequal, 1, 1 + small) == pytest.approx(E / 2 * t * small**2 / 2, rel=2e-4)
+    for wrong in ({"E": 0}, {"E": (1.0, -1.0)}, {"G": -1}, {"thickness": 0}):
+        with pytest.raises(InputError):
+            Net.from_moduli(**({"E": E, "G": G, "thickness": t} | wrong))
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_law_comes_back_from_noisy_tables(law, seed):
+    """Stress and energy to 1 % of the greatest in the range, from rows with 2 % of noise."""
+    f, end, most = LAWS[law], 0.03, 50.0
+    strain, at = np.linspace(0, end, ROWS + 1)[1:], angles(most)
+    gamma, reach = np.sin(np.radians(at)), np.sin(np.radians(most))
+    thread = np.column_stack([1 + strain, noisy(f(strain / end), seed)])
+    shear = np.column_stack([at, noisy(f(gamma / reach), seed + 100)])
+    fabric = MeasuredFabric(warp=thread, weft=thread, shear=shear)
+    for name, range_ in (("warp", end), ("shear", reach)):
+        s = np.linspace(0, range_, 2001)
+        true = f(s / range_)
+        energy = np.append(0, np.cumsum((true[1:] + true[:-1]) / 2)) * s[1]
+        curve = fabric.curves[name]
+        assert np.abs(curve.force(s) - true).max() < 0.01 * true.max()
+        assert np.abs(curve.energy(s) - energy).max() < 0.01 * energy.max()
+
+
+def frame_record(law, seed, arm=200.0, side=150.0):
+    """A picture frame's displacements and forces, by the power of a square of fabric."""
+    phi = np.radians(angles())
+    displacement = 2 * arm * np.cos(np.pi / 4 - phi / 2) - np.sqrt(2) * arm
+    speed = arm * np.sin(np.pi / 4 - phi / 2)
+    force = law(np.sin(phi)) * np.cos(phi) * side**2 / speed
+    return PictureFrame(np.column_stack([displacement, noisy(force, seed)]), arm, side)
+
+
+def strip_record(law, seed, length=300.0, width=100.0):
+    """A bias extension's, by differences of the energy of its three zones."""
+    phi = np.radians(angles())
+
+    def energy(gamma):
+        s = np.linspace(0, 1, 4001)
+        values = law(s)
+        whole = np.append(0, np.cumsum((values[1:] + values[:-1]) / 2)) * s[1]
+        return np.interp(gamma, s, whole)
+
+    def stored(phi):
+        middle, half = (2 * length - 3 * width) * width / 2, width**2
+        return middle * energy(np.sin(phi)) + half * energy(np.sin(phi / 2))
+
+    def clamp(phi):
+        return np.sqrt(2) * (length - width) * np.cos(np.pi / 4 - phi / 2) - (length - width)
+
+    step = 1e-3
+    force = (stored(phi + step) - stored(phi - step)) / (clamp(phi + step) - clamp(phi - step))
+    return BiasExtension(np.column_stack([clamp(phi), noisy(force, seed)]), length, width)
+
+
+@pytest.mark.parametrize("make", [frame_record, strip_record])
+@pytest.mark.parametrize("seed", range(3))
+def test_raw_records_give_the_law_of_the_fabric(make, seed):
+    """Records made from the energies of the specimens, with 2 % of noise in the force."""
+
+    def law(gamma):
+        return 0.02 * np.tanh(gamma / 0.04) + 0.1 * gamma + 0.8 * gamma**5
+
+    fabric = MeasuredFabric(warp=linear(), weft=linear(), shear=make(law, seed))
+    gamma = np.linspace(0, np.sin(np.radians(50)), 500)
+    found = fabric.curves["shear"].force(gamma)
+    assert np.abs(found - law(gamma)).max() < 0.012 * law(gamma).max()
+
+
+def test_a_curve_never_collapses_beyond_its_rows():
+    """Forces rise, and their slope is at least the last of the data; below rest as at rest."""
+    fabric = MeasuredFabric(
+        warp=linear(), weft=linear(1.01, 20.0), shear=shear_table(LAWS["free, then stiff"])
+    )
+    for curve in fabric.curves.values():
+        end, step = curve.end, 1e-3 * curve.end
+        slopes = np.diff(curve.force(np.arange(end - step, 3 * end, step))) / step
+        assert slopes.min() >= 0.999 * slopes[0] > 0
+    warp, shear = fabric.curves["warp"], fabric.curves["shear"]
+    assert warp.force(-0.5) == pytest.approx(-0.5 * 100 / 0.02, rel=1e-2)
+    assert shear.force(-0.7) == pytest.approx(-shear.force(0.7), rel=1e-9)
+    gamma = np.linspace(-0.999, 0.999, 999)
+    assert np.diff(shear.force(gamma)).min() > -1e-12
+
+
+def test_energy_is_the_work_of_the_tests_as_an_expression():
+    """At states within and beyond the tests, NGSolve's expression is the sum of three works."""
+    fabric = MeasuredFabric(warp=linear(), weft=linear(1.01, 20.0), shear=shear_table())
+    warp, weft, shear = fabric.curves.values()
+    for stretch1, stretch2, gamma in [(1.01, 1.005, 0.3), (0.8, 1.3, -0.95), (1.6, 0.5, 0.0)]:
+        expected = warp.energy(stretch1 - 1) + weft.energy(stretch2 - 1) + shear.energy(gamma)
+        assert strained(fabric, stretch1, stretch2, gamma) == pytest.approx(expected, rel=1e-12)
+    assert fabric.stiffness == pytest.approx((100 / 0.02 + 20 / 0.01) / 2 / 8, rel=1e-2)
+
+
+def test_files_pickles_and_words(tmp_path):
+    file = tmp_path / "shear.csv"
+    table = shear_table(rows=60)
+    np.savetxt(file, table, delimiter=",", header="angle,force", comments="")
+    fabric = MeasuredFabric(warp=linear(), weft=linear(), shear=file)
+    same = MeasuredFabric(warp=linear(), weft=linear(), shear=table)
+    again = pickle.loads(pickle.dumps(fabric))
+    for each in (same, again):
+        assert strained(each, 1.01, 1.0, 0.4) == pytest.approx(strained(fabric, 1.01, 1.0, 0.4))
+    assert "shear to 50°" in str(fabric) and "λ = 1.02" in str(fabric)
+    said = " ".join(fabric.undetermined)
+    assert "beyond 50°" in said and "beyond λ = 1.02" in said and "at once" in said
+    late = MeasuredFabric(warp=linear(), weft=linear(), shear=table[20:])
+    assert any("below" in each and "°" in each for each in late.undetermined)
+
+
+def test_the_fit_is_drawn_over_the_rows():
+    fabric = MeasuredFabric(warp=linear(), weft=linear(), shear=strip_record(LAWS["locking"], 0))
+    axes = fabric.plot()
+    rows, fit, beyond = axes[2].lines
+    assert rows.get_xdata()[-1] == pytest.approx(50) and fit.get_xdata()[-1] == pytest.approx(50)
+    missed = np.interp(rows.get_xdata(), *fit.get_data()) - rows.get_ydata()
+    assert np.sqrt(np.mean(missed**2)) < 0.02 * fit.get_ydata().max()
+    assert beyond.get_xdata()[-1] > 52
+    import matplotlib.pyplot as plt
+
+    plt.close(axes[0].figure)
+
+
+def cap(x, y):
+    return x, y, -0.3 * x**2 - 0.4 * y**2
+
+
+def row(table, number, *values):
+    table = np.array(table)
+    table[number] = values
+    return table
+
+
+BAD = [
+    ({"warp": linear(rows=2)}, "warp", "5 or more rows"),
+    ({"warp": row(linear(), 7, 1.0, 5.0)}, "warp[7]", "above that of the row before"),
+    ({"weft": row(linear(), 15, linear()[15, 0], 10.0)}, "weft[15]", "forces that rise"),
+    ({"weft": row(linear(), 3, linear()[3, 0], -30.0)}, "weft[3]", "0 or more"),
+    ({"weft": row(linear(), 3, linear()[3, 0], np.nan)}, "weft[3]", "finite"),
+    ({"warp": linear() - [1, 0]}, "warp[0]", "not strains"),
+    ({"warp": linear() * [100, 1]}, "warp[0]", "not in percent"),
+    ({"warp": linear() * [1, 0]}, "warp[0]", "above 0"),
+    ({"warp": linear()[:, 0]}, "warp", "(n, 2)"),
+    ({"warp": "no such file.csv"}, "warp", "can be read"),
+    ({"warp": [["a", "b"]] * 6}, "warp", "numbers"),
+    ({"shear": shear_table() * [np.pi / 180, 1]}, "shear[999]", "not radians"),
+    ({"shear": shear_table(most=120)}, "shear[741]", "degrees, at most 89"),
+    ({"shear": shear_table() * [1, 1e9]}, "shear[999]", "unit of warp and weft"),
+    ({"shear": PictureFrame([[k, k] for k in range(9)], arm=0.2)}, "shear[1]", "size allows"),
+    ({"shear": PictureFrame([[k, k] for k in range(9)], arm=1e6)}, "shear[8]", "unit of the spec"),
+    ({"shear": PictureFrame(linear(), arm=100, side=120)}, "shear.side", "<= 100"),
+    ({"shear": BiasExtension(linear(), length=150, width=100)}, "shear.length", "200"),
+]
+
+
+@pytest.mark.parametrize(("given", "argument", "allowed"), BAD)
+def test_what_no_test_can_have_measured(given, argument, allowed):
+    """Refused with row and value."""
+    good = {"warp": linear(), "weft": linear(), "shear": shear_table()}
+    with pytest.raises(InputError) as error:
+        MeasuredFabric(**(good | given))
+    assert error.value.argument == argument
+    assert allowed in error.value.allowed
+
+
+def test_files_are_refused_by_line(tmp_path):
+    file = tmp_path / "warp.csv"
+    file.write_text("stretch,force\n1,0\n1.01,3\n1.02;5\n")
+    with pytest.raises(InputError) as error:
+        MeasuredFabric(warp=file, weft=linear(), shear=shear_table())
+    assert error.value.argument == "warp, line 4 of warp.csv"
+    assert error.value.value == "1.02;5"
+
+
+def test_a_result_of_a_measured_fabric_is_saved_and_loaded(tmp_path):
+    """The same fabric is known again, and another one refused."""
+    dome = Surface(cap, Disk())
+    table = shear_table(LAWS["straight"])
+    fabric = MeasuredFabric(warp=linear(), weft=linear(), shear=table)
+    scene = ngcloth.Scene(dome, fabric, [ngcloth.Elongation()], symmetric=True)
+    result = ngcloth.solve(scene, maxh=0.4)
+    assert result.converged
+    result.save(tmp_path / "dome")
+    assert ngcloth.load(tmp_path / "dome", scene).energy == pytest.approx(result.energy)
+    assert pickle.loads(pickle.dumps(result)).energy == pytest.approx(result.energy)
+    stiffer = MeasuredFabric(warp=linear(), weft=linear(), shear=table * [1, 1.1])
+    other = ngcloth.Scene(dome, stiffer, [ngcloth.Elongation()], symmetric=True)
+    with pytest.raises(InputError):
+        ngcloth.load(tmp_path / "dome", other)

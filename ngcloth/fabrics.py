@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-import ngsolve as ngs
 import numpy as np
 
 from .problem.curve import Curve, Readings
@@ -15,21 +14,24 @@ LONGEST = 5.0  # a stretch
 SHEAR_STIFFNESSES = 1e-9, 1e3  # over that of the threads
 NEVER = (
     "warp and weft pulled at once (their forces are taken to be independent)",
-    "shear of stretched cloth (taken to depend on the angle alone)",
+    "shear of stretched cloth (taken to depend on I8 = λ1 λ2 sin φ)",
     "unloading and speed (there is one curve for both ways)",
 )
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredFabric:
-    """The fabric of three tests, W = W1(λ1) + W2(λ2) + W3(γ).
+    """The fabric of three tests, W = W1(I4) + W2(I6) + W3(I8).
 
-    Each part is the energy of a smooth curve through the rows of a test that never falls, so that
-    it is convex in λ1, λ2 and γ = sin φ, φ being the shear angle (90° minus the angle between the
-    threads). W has three continuous derivatives. Beyond the last row of a test the stiffness goes
-    on as it is there; a thread shorter than at rest has the stiffness at λ = 1; shear has the
-    same curve in both directions. All lengths and forces are in units of one system, such as mm
-    and N.
+    Each part is the integral of a smooth curve through the rows of a test that never falls: W is
+    convex in C, and has three continuous derivatives. Beyond the last row of a test the slope of
+    the curve goes on as it is there; for a thread shorter than at rest it is that at λ = 1; shear
+    has the same curve in both directions. All lengths and forces are in units of one system, such
+    as mm and N.
+
+    Tension is dW/dλ = 2 λ W1'. In a test of shear, whose threads do not stretch, I8 = sin φ, φ
+    being the shear angle (90° minus the angle between the threads), and the force is W3'. In cloth
+    that is stretched as well I8 = λ1 λ2 sin φ, and so locking begins at a smaller angle.
 
     Parameters
     ----------
@@ -42,14 +44,14 @@ class MeasuredFabric:
     Attributes
     ----------
     curves : dict of Curve
-        The forces: of "warp" and "weft" by λ − 1, of "shear" by γ.
+        The derivatives of W: "warp" by I4 − 1, "weft" by I6 − 1, "shear" by I8.
     scatter : dict of float
         Root mean square of what the rows differ from these by, over the greatest force.
     undetermined : list of str
         What the tests do not say, and what is assumed there.
     stiffness : float
-        By which energies are normalised: that of the paper's net with the same mean force over
-        stretch, over both threads.
+        By which energies are normalised: the mean kc of nets whose threads bear the same as these
+        at the end of the tests.
 
     Raises
     ------
@@ -75,7 +77,7 @@ class MeasuredFabric:
             _check_rise(table, rows, curves[name])
         object.__setattr__(self, "readings", readings)
         object.__setattr__(self, "curves", curves)
-        ratio = _secant(curves["shear"]) / (8 * self.stiffness)
+        ratio = _secant(curves["shear"]) / (2 * self.stiffness)
         if not SHEAR_STIFFNESSES[0] <= ratio <= SHEAR_STIFFNESSES[1]:
             table = tests["shear"][0]
             allowed = "forces in the unit of warp and weft: shear is {:.1e} as stiff as they are"
@@ -83,8 +85,7 @@ class MeasuredFabric:
 
     @cached_property
     def stiffness(self):  # noqa: D102
-        # kc (λ² − 1)² is 4 kc (λ − 1)² for small strains, the force 8 kc (λ − 1).
-        return (_secant(self.curves["warp"]) + _secant(self.curves["weft"])) / 16
+        return (_secant(self.curves["warp"]) + _secant(self.curves["weft"])) / 4
 
     @property
     def scatter(self):  # noqa: D102
@@ -94,8 +95,7 @@ class MeasuredFabric:
     def undetermined(self):  # noqa: D102
         texts = []
         for name in ("warp", "weft"):
-            end = 1 + self.curves[name].end
-            texts.append(f"{name} beyond λ = {end:.4g} (stiffness as there)")
+            texts.append(f"{name} beyond λ = {self.longest(name):.4g} (stiffness as there)")
             texts.append(f"{name} below λ = 1 (stiffness as at 1)")
         angles = np.degrees(np.arcsin(self.readings["shear"].at))
         if angles.min() > 0.1 * angles.max():
@@ -105,12 +105,12 @@ class MeasuredFabric:
 
     def energy(self, I4, I6, I8):
         """W at the invariants I4 = λ1², I6 = λ2², I8 = λ1 λ2 γ."""
-        curves = self.curves
-        warp, weft = (
-            curves[name].expression(ngs.sqrt(invariant) - 1)
-            for name, invariant in (("warp", I4), ("weft", I6))
-        )
-        return warp + weft + curves["shear"].expression(I8 / ngs.sqrt(I4 * I6))
+        warp, weft, shear = self.curves.values()
+        return warp.expression(I4 - 1) + weft.expression(I6 - 1) + shear.expression(I8)
+
+    def longest(self, name):
+        """The greatest stretch λ in the test of "warp" or "weft"."""
+        return float(np.sqrt(1 + self.curves[name].end))
 
     def plot(self, axes=None):
         """Draw the curves over the rows of the tests, see `ngcloth.plot_fabric.draw`."""
@@ -119,7 +119,7 @@ class MeasuredFabric:
         return draw(self, axes)
 
     def __str__(self):
-        ends = [f"{name} to λ = {1 + self.curves[name].end:.4g}" for name in ("warp", "weft")]
+        ends = [f"{name} to λ = {self.longest(name):.4g}" for name in ("warp", "weft")]
         angle = np.degrees(np.arcsin(self.curves["shear"].end))
         rough = max(self.scatter.values())
         return f"measured, {', '.join(ends)}, shear to {angle:.3g}°, rows within {rough:.1%}"
@@ -137,8 +137,8 @@ def _stretch_readings(name, source):
         raise table.refusal(row, f"a stretch of at most {LONGEST:g}, not in percent")
     if table.at[-1] < 1 + 1e-6:
         raise table.refusal(-1, "a stretch above 1 in the last row")
-    strain = table.at[:, None] - 1
-    return table, Readings(strain, np.ones_like(strain), table.force)
+    stretch = table.at[:, None]
+    return table, Readings(stretch**2 - 1, 2 * stretch, table.force)
 
 
 def _check_rise(table, readings, curve):

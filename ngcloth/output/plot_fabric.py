@@ -38,21 +38,28 @@ def draw(fabric, axes=None):
     if len(axes) != len(DRAWN):
         raise InputError("axes", len(axes), "three, for warp, weft and shear")
     for ax, (name, (across, up)) in zip(axes, DRAWN.items(), strict=True):
-        curve, (at, forces) = fabric.curves[name], fabric.readings[name].points(fabric.curves[name])
+        curve = fabric.curves[name]
+        at, slopes = fabric.readings[name].points(curve)
         within = np.linspace(0, curve.end, 300)
         beyond = np.linspace(curve.end, curve.end * FARTHER, 40)
         if name == "shear":
             beyond = np.minimum(beyond, 1.0)
 
-        def shown(strain, name=name):
-            return np.degrees(np.arcsin(strain)) if name == "shear" else 1 + strain
-
-        ax.plot(shown(at), forces, ".", color="0.6", markersize=4, label="test")
-        ax.plot(shown(within), curve.force(within), color="tab:blue", label="fabric")
-        ax.plot(shown(beyond), curve.force(beyond), "--", color="tab:blue", label="not tested")
+        ax.plot(*_measured(name, at, slopes), ".", color="0.6", markersize=4, label="test")
+        for strain, style, label in ((within, "-", "fabric"), (beyond, "--", "not tested")):
+            line = _measured(name, strain, curve.force(strain))
+            ax.plot(*line, style, color="tab:blue", label=label)
         ax.set(xlabel=across, ylabel=up)
         ax.grid(alpha=0.3)
         rough = fabric.scatter[name]
-        ax.set_title(f"{len(forces)} rows, {rough:.1%} of scatter", fontsize="small")
+        ax.set_title(f"{len(at)} rows, {rough:.1%} of scatter", fontsize="small")
     axes[0].legend(fontsize="small")
     return axes
+
+
+def _measured(name, strain, slope):
+    """What a test measures where W has this derivative by I4 − 1 or by I8."""
+    if name == "shear":
+        return np.degrees(np.arcsin(strain)), slope
+    stretch = np.sqrt(1 + strain)
+    return stretch, 2 * stretch * slope

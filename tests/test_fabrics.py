@@ -2,14 +2,26 @@
 
 import pickle
 
+import matplotlib.pyplot as plt
 import ngsolve as ngs
 import numpy as np
 import pytest
 
 import ngcloth
-from ngcloth import BiasExtension, Disk, InputError, MeasuredFabric, Net, PictureFrame, Surface
+from ngcloth import (
+    BiasExtension,
+    Disk,
+    Families,
+    InputError,
+    MeasuredFabric,
+    Net,
+    PictureFrame,
+    Surface,
+    Turned,
+)
 
 ROWS = 1000
+FLAT = Surface(lambda x, y: (x, y, 0 * x), Disk())
 LAWS = {
     "straight": lambda s: s,
     "crimped": lambda s: s**2,
@@ -21,10 +33,9 @@ LAWS = {
 
 def strained(fabric, stretch1=1.0, stretch2=1.0, gamma=0.0):
     """W of numbers."""
-    surface = Surface(lambda x, y: (x, y, 0 * x), Disk())
     state = stretch1**2, stretch2**2, stretch1 * stretch2 * gamma
     energy = fabric.energy(*(ngs.Parameter(each) for each in state))
-    return float(surface.evaluate(energy, np.zeros((1, 2)))[0])
+    return float(FLAT.evaluate(energy, np.zeros((1, 2)))[0])
 
 
 def noisy(values, seed, level=0.02):
@@ -176,8 +187,6 @@ def test_the_fit_is_drawn_over_the_rows():
     missed = np.interp(rows.get_xdata(), *fit.get_data()) - rows.get_ydata()
     assert np.sqrt(np.mean(missed**2)) < 0.02 * fit.get_ydata().max()
     assert beyond.get_xdata()[-1] > 52
-    import matplotlib.pyplot as plt
-
     plt.close(axes[0].figure)
 
 
@@ -247,3 +256,100 @@ def test_a_result_of_a_measured_fabric_is_saved_and_loaded(tmp_path):
     other = ngcloth.Scene(dome, stiffer, [ngcloth.Elongation()], symmetric=True)
     with pytest.raises(InputError):
         ngcloth.load(tmp_path / "dome", other)
+
+
+STATES = [(1.1, 0.9, 0.3), (1.3, 1.2, -0.6), (1.0, 1.0, 0.0)]
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_families_at_right_angles_are_a_net(state):
+    net = Net(kc=(2.0, 0.5), ks=3.0)
+    same = [Families((0, 90), kc=(2.0, 0.5), ks=3.0), Turned(Turned(net, 35), -35)]
+    swapped = [Turned(Net(kc=(0.5, 2.0), ks=3.0), 90), Families((90, 0), kc=(0.5, 2.0), ks=3.0)]
+    for fabric in (*same, *swapped):
+        assert strained(fabric, *state) == pytest.approx(strained(net, *state), rel=1e-12)
+    bias = Turned(Net(ks=3.0), 45), Families((45, -45), ks=3.0)
+    one, other = (strained(fabric, *state) for fabric in bias)
+    assert one == pytest.approx(other, rel=1e-12, abs=1e-15)
+
+
+def test_stretch_along_a_flat_direction_is_that_of_the_map():
+    """Of the deformation F with C = Fᵀ F, |F t| for any t."""
+    rng = np.random.default_rng(0)
+    deformation, angle = np.eye(2) + 0.2 * rng.standard_normal((2, 2)), 25.0
+    green = deformation.T @ deformation
+    triaxial = Families((angle, angle + 60, angle + 120), kc=(1.0, 2.0, 3.0))
+    expected = 0
+    for k, each in zip(triaxial.kc, triaxial.angles, strict=True):
+        t = np.array([np.cos(np.radians(each)), np.sin(np.radians(each))])
+        expected += k * (np.linalg.norm(deformation @ t) ** 2 - 1) ** 2
+    stretch = np.sqrt(np.diag(green))
+    energy = strained(triaxial, *stretch, green[0, 1] / stretch.prod())
+    assert energy == pytest.approx(expected, rel=1e-12)
+
+
+def sphere_cap(x, y):
+    return x, y, ngs.sqrt(2.25 - x**2 - y**2)
+
+
+def test_a_round_dome_does_not_tell_how_cloth_is_turned():
+    """On a cap the patch of a net laid at 45° is that of the net, turned: E and limits."""
+    found = []
+    for fabric in (Net(ks=1.0), Turned(Net(ks=1.0), 45)):
+        limits = [ngcloth.Elongation(), ngcloth.ShearLimit(0.5)]
+        scene = ngcloth.Scene(Surface(sphere_cap, Disk()), fabric, limits, symmetric=True)
+        found.append(ngcloth.solve(scene, maxh=0.25))
+    net, turned = found
+    assert net.converged and turned.converged
+    assert turned.energy == pytest.approx(net.energy, rel=1e-2)  # the mesh is not turned
+    for name in ("stretch1", "shear"):
+        assert np.abs(turned.extrema[name]) == pytest.approx(np.abs(net.extrema[name]), abs=5e-3)
+    r = np.linspace(0, 0.9, 5)
+    along = r / np.sqrt(2)
+    assert turned.field("stretch1", along, along) == pytest.approx(
+        net.field("stretch1", r, 0 * r), abs=6e-3
+    )
+
+
+def test_three_families_stay_taut_and_are_drawn():
+    fabric = Families((0, 60, 120))
+    scene = ngcloth.Scene(
+        Surface(sphere_cap, Disk()), fabric, [ngcloth.Elongation()], symmetric=True
+    )
+    result = ngcloth.solve(scene, maxh=0.3)
+    assert result.converged
+    least = [result.extrema[f"stretch{k}"][0] for k in (1, 2, 3)]
+    assert min(least) > 0.995
+    axes = result.plot()
+    lines = [contours.get_paths()[0].vertices for contours in axes.collections]
+    found = [np.degrees(np.arctan2(*(line[-1] - line[0])[::-1])) % 180 for line in lines]
+    assert found == pytest.approx([0, 60, 120], abs=3) or found == pytest.approx(
+        [180, 60, 120], abs=3
+    )
+    plt.close(axes.figure)
+    for export in (result.export_svg, result.export_threads):
+        with pytest.raises(InputError):
+            export("never.svg" if export == result.export_svg else "never.vtp")
+
+
+@pytest.mark.parametrize(
+    ("make", "argument"),
+    [
+        (lambda: Families((0,)), "angles"),
+        (lambda: Families((0, 180)), "angles"),
+        (lambda: Families((0, 60, 120), kc=(1.0, 2.0)), "kc"),
+        (lambda: Turned(Net(), np.nan), "angle"),
+    ],
+)
+def test_families_that_cannot_be(make, argument):
+    with pytest.raises(InputError) as error:
+        make()
+    assert error.value.argument == argument
+
+
+def test_angles_of_a_fabric_of_ones_own_are_checked():
+    net = Net(ks=1.0)
+    object.__setattr__(net, "angles", (0, "90"))
+    with pytest.raises(InputError) as error:
+        ngcloth.Scene(Surface(cap, Disk()), net)
+    assert error.value.argument == "fabric.angles"

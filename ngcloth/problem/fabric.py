@@ -1,12 +1,19 @@
-"""Fabrics: strain energy per unit flat area as a function of I4, I6, I8."""
+"""Fabrics: strain energy per unit flat area as a function of I4, I6, I8, and thread directions.
+
+A fabric has an ``energy(I4, I6, I8)`` and a `stiffness`. Its threads run along X1 and X2, unless
+it has `angles`: of each family, in degrees from X1 towards X2.
+"""
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from ..errors import InputError, check_number
 
 STIFFNESSES = 1e-30, 1e30  # squares of their ratios do not overflow
+RIGHT_ANGLES = (0.0, 90.0)
+APART = 1e-3  # degrees between lines
 
 
 @dataclass(frozen=True)
@@ -78,3 +85,115 @@ class Net:
         """The two square roots of which the thread energy is the sum of squares."""
         warp, weft = self.kc if isinstance(self.kc, tuple) else (self.kc, self.kc)
         return np.sqrt(warp) * (I4 - 1), np.sqrt(weft) * (I6 - 1)
+
+
+@dataclass(frozen=True)
+class Families:
+    """Threads in two or more directions, W = Σ kc (λ² − 1)² + ks Σ (t·C s − t·s)².
+
+    The first sum is over families, the second over pairs of them with flat directions t and s; at
+    right angles it is that of `Net`.
+
+    Parameters
+    ----------
+    angles : sequence of float
+        Of each family, in degrees from X1 towards X2: (0, 60, 120) for a triaxial weave, (45, −45)
+        for a non-crimp fabric. Their lines are different ones.
+    kc : float or sequence of float
+        Stiffness of the threads (force per length), from 1e-30 to 1e30, of all or of each family.
+    ks : float
+        Stiffness against turning threads to each other, at most 1e30. With three directions or
+        more threads alone hold the cloth.
+    """
+
+    angles: tuple
+    kc: float | tuple = 1.0
+    ks: float = 0.0
+
+    def __post_init__(self):
+        object.__setattr__(self, "angles", checked_angles("angles", self.angles))
+        each = self.kc if isinstance(self.kc, tuple | list) else len(self.angles) * (self.kc,)
+        if len(each) != len(self.angles):
+            raise InputError("kc", self.kc, f"one stiffness, or {len(self.angles)}, one a family")
+        object.__setattr__(self, "kc", tuple(check_number("kc", k, *STIFFNESSES) for k in each))
+        object.__setattr__(self, "ks", check_number("ks", self.ks, 0, STIFFNESSES[1]))
+
+    @property
+    def stiffness(self):
+        """The mean thread stiffness, by which energies are normalised."""
+        return sum(self.kc) / len(self.kc)
+
+    def energy(self, I4, I6, I8):
+        """W at the invariants I4 = λ1², I6 = λ2², I8 = λ1 λ2 γ of the lines along X1 and X2."""
+        lines, green = directions(self), (I4, I6, I8)
+        terms = [k * (along(t, t, *green) - 1) ** 2 for k, t in zip(self.kc, lines, strict=True)]
+        if self.ks:
+            pairs = combinations(lines, 2)
+            terms += [self.ks * (along(t, s, *green) - float(t @ s)) ** 2 for t, s in pairs]
+        return sum(terms[1:], terms[0])
+
+
+@dataclass(frozen=True)
+class Turned:
+    """Another fabric, laid so that what runs along X1 in it runs at an angle to X1 in the patch.
+
+    Parameters
+    ----------
+    fabric : Net, MeasuredFabric or similar
+        Any with `energy` and `stiffness`.
+    angle : float
+        In degrees, from X1 towards X2.
+    """
+
+    fabric: object
+    angle: float
+
+    def __post_init__(self):
+        object.__setattr__(self, "angle", check_number("angle", self.angle, -360, 360))
+
+    @property
+    def angles(self):
+        """Of its families, in degrees from X1."""
+        own = getattr(self.fabric, "angles", RIGHT_ANGLES)
+        return tuple(angle + self.angle for angle in own)
+
+    @property
+    def stiffness(self):
+        """That of the other."""
+        return self.fabric.stiffness
+
+    def energy(self, I4, I6, I8):
+        """W of the other, at its own invariants."""
+        first, second = _units((self.angle, self.angle + 90))
+        pairs = (first, first), (second, second), (first, second)
+        return self.fabric.energy(*(along(*pair, I4, I6, I8) for pair in pairs))
+
+
+def along(one, other, I4, I6, I8):
+    """Products t·C s of two flat directions, (2,) each: the squared stretch, if they are one."""
+    (a, b), (c, d) = np.asarray(one).tolist(), np.asarray(other).tolist()
+    terms = (a * c, I4), (b * d, I6), (a * d + b * c, I8)
+    parts = [part if factor == 1 else factor * part for factor, part in terms if factor]
+    return sum(parts[1:], parts[0])
+
+
+def directions(fabric):
+    """Unit vectors along the threads of each family in the flat cloth, (families, 2)."""
+    return _units(checked_angles("fabric.angles", getattr(fabric, "angles", RIGHT_ANGLES)))
+
+
+def checked_angles(argument, angles):
+    """Angles of two families or more, as a tuple of floats."""
+    allowed = "two or more angles in degrees, of different lines"
+    if not isinstance(angles, tuple | list | np.ndarray) or len(angles) < 2:
+        raise InputError(argument, angles, allowed)
+    angles = tuple(check_number(argument, angle, -720, 720) for angle in angles)
+    lines = np.sort(np.mod(angles, 180))
+    if np.diff(lines, append=lines[0] + 180).min() < APART:
+        raise InputError(argument, angles, allowed)
+    return angles
+
+
+def _units(angles):
+    radians = np.radians(angles)
+    return np.round(np.stack([np.cos(radians), np.sin(radians)], axis=-1), 15)  # 0 and 1 exact

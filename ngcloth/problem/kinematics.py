@@ -1,9 +1,12 @@
 """From the gradient of ψ to what the cloth feels. Pure expressions, no mesh and no loop."""
 
 from functools import cached_property
+from itertools import combinations
 
 import ngsolve as ngs
 import numpy as np
+
+from .fabric import along, directions
 
 
 class Kinematics:
@@ -26,9 +29,11 @@ class Kinematics:
     inverse : G⁻¹
     I4, I6, I8 : the invariants C11, C22, C12 of C = G⁻ᵀ a G⁻¹ (eq. 8)
     cauchy_green : C
-    stretch1, stretch2 : λ1 = √I4 of the warp, λ2 = √I6 of the weft
-    shear : γ = I8 / (λ1 λ2), cosine of the angle between the threads
-    angle : shear angle in degrees, 90° minus the angle between the threads; its sine is γ
+    stretches : list of the stretches of all families of threads
+    shears : list of the cosines of the angles between each two of them
+    stretch1, stretch2 : those of the first two families, λ1 = √I4 of the warp, λ2 = √I6 of the weft
+    shear : γ = I8 / (λ1 λ2), cosine of the angle between these
+    angle : shear angle in degrees, 90° minus the angle between these; its sine is γ
     thickness : t/t0 of incompressible cloth, one over the areal stretch √det C = √det a / J
     energy_slopes : list of the derivatives of W by I4, I6 and I8
     reaction : τ = −2 w : G⁻ᵀ b G⁻¹ with w = dW/dC, force per flat area with which the surface
@@ -52,21 +57,38 @@ class Kinematics:
         return ngs.CF((self.I4, self.I8, self.I8, self.I6), dims=(2, 2))
 
     @cached_property
+    def stretches(self):  # noqa: D102
+        return [ngs.sqrt(self.between(line, line)) for line in directions(self.fabric)]
+
+    @cached_property
+    def shears(self):  # noqa: D102
+        pairs = combinations(directions(self.fabric), 2)
+        return [
+            self.between(t, s) / ngs.sqrt(self.between(t, t) * self.between(s, s)) for t, s in pairs
+        ]
+
+    @property
     def stretch1(self):  # noqa: D102
-        return ngs.sqrt(self.I4)
+        return self.stretches[0]
 
-    @cached_property
+    @property
     def stretch2(self):  # noqa: D102
-        return ngs.sqrt(self.I6)
+        return self.stretches[1]
 
-    @cached_property
+    @property
     def shear(self):  # noqa: D102
-        return self.I8 / ngs.sqrt(self.I4 * self.I6)
+        return self.shears[0]
+
+    def between(self, one, other):
+        """The product t·C s of two flat directions, (2,) each; λ² along t if both are t."""
+        return along(one, other, self.I4, self.I6, self.I8)
 
     @cached_property
     def angle(self):  # noqa: D102
         # By the areal stretch λ1 λ2 cos(angle): the arc sine of γ has no slope at a collapse.
-        return 180 / np.pi * ngs.atan2(self.I8, 1 / self.thickness)
+        one, other = directions(self.fabric)[:2]
+        across = abs(float(one[0] * other[1] - one[1] * other[0])) / self.thickness
+        return 180 / np.pi * ngs.atan2(self.between(one, other), across)
 
     @cached_property
     def thickness(self):  # noqa: D102

@@ -13,7 +13,7 @@ from ..geometry.file_surface import FileSurface
 from . import returned
 from .constraints import Elongation, Obstacle, ShearLimit
 from .domain import Disk
-from .fabric import STIFFNESSES, Net
+from .fabric import STIFFNESSES, Net, directions
 from .kinematics import Kinematics
 from .states import MIRRORS, SAME, States
 from .surface import Surface
@@ -98,6 +98,7 @@ class Scene:
                 "fabric", self.fabric, "an ngcloth.Net, or an object with its `energy`"
             )
         check_number("fabric.stiffness", returned.stiffness(self.fabric), *STIFFNESSES)
+        directions(self.fabric)  # are checked there
         try:
             object.__setattr__(self, "constraints", tuple(self.constraints))
         except TypeError:

@@ -223,10 +223,11 @@ class Result(TakenAway):
         Parameters
         ----------
         name : str
-            "stretch1", "stretch2", "shear" (γ, cosine of the angle between the threads), "angle"
-            (the shear angle in degrees: 90° minus the angle between the threads, signed as γ),
-            "thickness" (t/t0 of incompressible cloth, 1 over the areal stretch), "reaction" (force
-            per flat area, > 0 where the surface pushes) or "jacobian".
+            "stretch1", "stretch2" (and so on, for more families of threads), "shear" (γ, cosine of the
+            angle between threads of the first two), "angle" (the shear angle in degrees: 90° minus
+            the angle between these threads, signed as γ), "thickness" (t/t0 of incompressible
+            cloth, 1 over the areal stretch), "reaction" (force per flat area, > 0 where the surface
+            pushes) or "jacobian".
         theta1, theta2 : float or array_like
             As for `psi`.
 
@@ -323,8 +324,7 @@ class Result(TakenAway):
     def _fields(self):
         cloth = self._cloth
         return {
-            "stretch1": cloth.stretch1,
-            "stretch2": cloth.stretch2,
+            **{f"stretch{k}": stretch for k, stretch in enumerate(cloth.stretches, 1)},
             "shear": cloth.shear,
             "angle": cloth.angle,
             "thickness": cloth.thickness,

@@ -301,10 +301,14 @@ def default_pitch(psi):
 def thread_positions(result, psi):
     """Of each family, the distance (n,) of flat points from its thread through 0, and its colour.
 
-    On the left of a thread distances are positive; for the warp they are X2.
+    For the warp it is X2, for the weft X1.
     """
     lines = directions(result.scene.fabric)
-    distances = [psi[:, 1] * line[0] - psi[:, 0] * line[1] for line in lines]
+    sides = np.where(np.abs(lines[:, 0]) < np.abs(lines[:, 1]), -1, 1)
+    distances = [
+        side * (psi[:, 1] * line[0] - psi[:, 0] * line[1])
+        for side, line in zip(sides, lines, strict=True)
+    ]
     return list(zip(distances, cycle(COLOURS), strict=False))
 
 

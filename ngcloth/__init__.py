@@ -8,7 +8,7 @@ from .fabrics import MeasuredFabric
 from .output.report import report
 from .problem.constraints import Elongation, Obstacle, ShearLimit
 from .problem.domain import Disk, Domain, Rectangle
-from .problem.fabric import Families, Net, Turned
+from .problem.fabric import Families, Net, Swollen, Turned
 from .problem.scene import Scene
 from .problem.shear_tests import BiasExtension, PictureFrame
 from .problem.surface import Surface
@@ -39,6 +39,7 @@ __all__ = [
     "SolveError",
     "Study",
     "Surface",
+    "Swollen",
     "Turned",
     "load",
     "minima",

@@ -95,9 +95,9 @@ class ConstrainedLagrangian(Discretisation):
         BilinearForm
         """
         trial = self.fes.TrialFunction()
-        cloth = self._kinematics(gradient(*trial[:2]))
+        cloth = self._kinematics(*trial[:2])
         energy = cloth.jacobian * self._strain_energy(cloth)
-        work = energy.Diff(cloth.gradient, gradient(*trial[2:]))  # dE[v]
+        work = cloth.change(energy, *trial[2:])  # dE[v]
         density = cloth.jacobian * self._density(cloth) + work
         density += self._surface_area * sum(map(_limit, self._slacks(cloth), inside), ngs.CF(0.0))
         lagrangian = self._symbolic_energy(density)
@@ -167,13 +167,14 @@ class ConstrainedLagrangian(Discretisation):
         v = [ngs.H1(mesh, order=self._multiplier_order, dirichlet=rim) for rim in rims]
         return super()._spaces(mesh, order, mirrors) + v
 
-    def _kinematics(self, slope):
-        return Kinematics(slope, self._metric, self.scene.fabric, lambda: self._curvature)
+    def _kinematics(self, *psi):
+        tensors = self._metric, self.scene.fabric, lambda: self._curvature
+        return Kinematics(gradient(*psi), *tensors, psi)
 
     @cached_property
     def _cloth(self):
         """The cloth of the current ψ."""
-        return self._kinematics(gradient(*self._psi))
+        return self._kinematics(*self._psi)
 
     @cached_property
     def _curvature(self):
@@ -191,7 +192,7 @@ class ConstrainedLagrangian(Discretisation):
         """The cloth on the rim, where geometry enters as expressions."""
         sheet = self.sheet
         tensors = sheet.metric, self.scene.fabric, lambda: sheet.curvature
-        return Kinematics(gradient(psi1, psi2), *tensors)
+        return Kinematics(gradient(psi1, psi2), *tensors, (psi1, psi2))
 
 
 def _stretch_along_rim(metric):

@@ -6,6 +6,7 @@ import ngsolve as ngs
 import numpy as np
 
 from ..errors import InputError
+from ..problem.fabric import of_place
 from ..problem.kinematics import gradient
 from .sampling import Points
 
@@ -90,10 +91,11 @@ class Discretisation:
     def _free_dofs(self):
         """All degrees of freedom but those on mirror lines; without mirrors, but one vertex.
 
-        Energies do not change under translations of ψ, so holding one vertex takes nothing away.
+        Energies do not change under translations of ψ, so holding one vertex takes nothing away,
+        unless the fabric depends on the place.
         """
         free = ngs.BitArray(self.fes.FreeDofs())
-        if not self.scene.symmetric:
+        if not (self.scene.symmetric or of_place(self.scene.fabric)):
             free.Clear(self.fes.Range(0).start)
             free.Clear(self.fes.Range(1).start)
         return free
@@ -117,8 +119,7 @@ class Discretisation:
 
     def _strain_energy(self, cloth):
         """W over kc."""
-        fabric = self.scene.fabric
-        return fabric.energy(cloth.I4, cloth.I6, cloth.I8) / fabric.stiffness
+        return cloth.energy / self.scene.fabric.stiffness
 
     def _symbolic_energy(self, density):
         form = ngs.BilinearForm(self.fes, symmetric=True)

@@ -206,7 +206,8 @@ def element_fields(result, points):
     """
     scene, sheet = result.scene, result.sheet
     mesh, flat = result.state.space.mesh, result.state.components[:2]
-    cloth = Kinematics(gradient(*flat), sheet.metric, scene.fabric, lambda: sheet.curvature)
+    tensors = sheet.metric, scene.fabric, lambda: sheet.curvature
+    cloth = Kinematics(gradient(*flat), *tensors, flat)
     rule = ngs.IntegrationRule([tuple(point) for point in points], [0.0] * len(points))
     mapped = mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)
     signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)][: scene.copies])[:, None, None, :]

@@ -1,9 +1,11 @@
 """Fabrics: strain energy per unit flat area as a function of I4, I6, I8, and thread directions.
 
 A fabric has an ``energy(I4, I6, I8)`` and a `stiffness`. Its threads run along X1 and X2, unless
-it has `angles`: of each family, in degrees from X1 towards X2.
+it has `angles`: of each family, in degrees from X1 towards X2. One that differs from place to place
+in the cloth has ``of_place = True`` and an ``energy(I4, I6, I8, X1, X2)``.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -167,6 +169,60 @@ class Turned:
         first, second = _units((self.angle, self.angle + 90))
         pairs = (first, first), (second, second), (first, second)
         return self.fabric.energy(*(along(*pair, I4, I6, I8) for pair in pairs))
+
+
+@dataclass(frozen=True)
+class Swollen:
+    """Another fabric whose threads have grown: W(I4/g1², I6/g2², I8/(g1 g2)) of the other.
+
+    With natural stretches of swelling, prestress or a tight knit, cloth is at rest where λ1 = g1,
+    λ2 = g2 and the threads are at right angles.
+
+    Parameters
+    ----------
+    fabric : Net, MeasuredFabric or similar
+        Any with `energy` and `stiffness` that does not depend on the place.
+    growth : (float, float) or callable
+        g1 and g2, positive; or a function of (X1, X2), the place in the flat cloth, that returns
+        them as NGSolve expressions. X = 0 is the centre of the domain in symmetric scenes; in
+        others it is free where the cloth lies.
+    """
+
+    fabric: object
+    growth: tuple | Callable
+
+    def __post_init__(self):
+        if callable(self.growth):
+            return
+        if not isinstance(self.growth, tuple | list) or len(self.growth) != 2:
+            raise InputError("growth", self.growth, "a pair (g1, g2), or a callable of (X1, X2)")
+        pair = tuple(check_number("growth", g, 0, open_low=True) for g in self.growth)
+        object.__setattr__(self, "growth", pair)
+
+    @property
+    def angles(self):
+        """Those of the other."""
+        return getattr(self.fabric, "angles", RIGHT_ANGLES)
+
+    @property
+    def of_place(self):
+        """Whether growth depends on the place."""
+        return callable(self.growth)
+
+    @property
+    def stiffness(self):
+        """That of the other."""
+        return self.fabric.stiffness
+
+    def energy(self, I4, I6, I8, *place):
+        """W of the other, at its own invariants."""
+        g1, g2 = self.growth(*place) if place else self.growth
+        return self.fabric.energy(I4 / (g1 * g1), I6 / (g2 * g2), I8 / (g1 * g2))
+
+
+def of_place(fabric):
+    """Whether the energy of a fabric depends on the place X in the cloth."""
+    return getattr(fabric, "of_place", False)
 
 
 def along(one, other, I4, I6, I8):

@@ -6,7 +6,7 @@ from itertools import combinations
 import ngsolve as ngs
 import numpy as np
 
-from .fabric import along, directions
+from .fabric import along, directions, of_place
 
 
 class Kinematics:
@@ -22,6 +22,8 @@ class Kinematics:
         Needed for stresses and `reaction`.
     curvature : callable, optional
         Returns the second fundamental form b, (2, 2); only called for `reaction`.
+    place : pair of CoefficientFunction, optional
+        X = ψ; only asked for by fabrics that depend on it.
 
     Attributes
     ----------
@@ -35,14 +37,17 @@ class Kinematics:
     shear : γ = I8 / (λ1 λ2), cosine of the angle between these
     angle : shear angle in degrees, 90° minus the angle between these; its sine is γ
     thickness : t/t0 of incompressible cloth, one over the areal stretch √det C = √det a / J
+    energy : W
     energy_slopes : list of the derivatives of W by I4, I6 and I8
     reaction : τ = −2 w : G⁻ᵀ b G⁻¹ with w = dW/dC, force per flat area with which the surface
         pushes (Laplace's law)
     """
 
-    def __init__(self, gradient, metric, fabric=None, curvature=None):
+    def __init__(self, gradient, metric, fabric=None, curvature=None, place=None):
         self.gradient, self.metric = gradient, metric
         self.fabric, self.curvature = fabric, curvature
+        # NGSolve differentiates by a product with a field, where not by the field itself.
+        self.place = [1.0 * component for component in place] if of_place(fabric) else []
         self.jacobian = ngs.Det(gradient)
         self.inverse = ngs.Inv(gradient)
         self.I4, self.I6, self.I8 = self.pushed(metric)
@@ -95,9 +100,19 @@ class Kinematics:
         return self.jacobian / ngs.sqrt(ngs.Det(self.metric))
 
     @cached_property
+    def energy(self):  # noqa: D102
+        return self.fabric.energy(self.I4, self.I6, self.I8, *self.place)
+
+    @cached_property
     def energy_slopes(self):  # noqa: D102
-        energy = self.fabric.energy(self.I4, self.I6, self.I8)
-        return [energy.Diff(invariant) for invariant in (self.I4, self.I6, self.I8)]
+        return [self.energy.Diff(invariant) for invariant in (self.I4, self.I6, self.I8)]
+
+    def change(self, expression, psi1, psi2):
+        """The derivative of an expression of this cloth as ψ changes by two fields."""
+        change = expression.Diff(self.gradient, gradient(psi1, psi2))
+        for component, moved in zip(self.place, (psi1, psi2), strict=False):
+            change += expression.Diff(component, moved)
+        return change
 
     @cached_property
     def reaction(self):  # noqa: D102

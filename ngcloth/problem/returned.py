@@ -67,7 +67,8 @@ def stiffness(fabric):
 
 def energy(fabric, *invariants):
     """W of a fabric, a scalar expression of its invariants."""
-    told = "fabric", fabric, f"{type(fabric).__name__}.energy(I4, I6, I8)"
+    called = "I4, I6, I8" if len(invariants) == 3 else "I4, I6, I8, X1, X2"
+    told = "fabric", fabric, f"{type(fabric).__name__}.energy({called})"
     expected = "one scalar expression of NGSolve"
     return scalar(*told, expected, call(*told, expected, fabric.energy, *invariants))
 

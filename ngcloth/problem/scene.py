@@ -13,7 +13,7 @@ from ..geometry.file_surface import FileSurface
 from . import returned
 from .constraints import Elongation, Obstacle, ShearLimit
 from .domain import Disk
-from .fabric import STIFFNESSES, Net, directions
+from .fabric import STIFFNESSES, Net, directions, of_place
 from .kinematics import Kinematics
 from .states import MIRRORS, SAME, States
 from .surface import Surface
@@ -188,7 +188,8 @@ class Scene:
         """The fabric's energy is finite near the undeformed cloth, and of the size it says."""
         fabric, stiffness = self.fabric, float(self.fabric.stiffness)
         invariants = [ngs.Parameter(value) for value in (1.0, 1.0, 0.0)]
-        energy = returned.energy(fabric, *invariants)
+        place = self.start_expression() if of_place(fabric) else ()
+        energy = returned.energy(fabric, *invariants, *place)
         try:
             stress = ngs.CF((energy, *(energy.Diff(invariant) for invariant in invariants)))
         except NgException as error:
@@ -247,9 +248,8 @@ class Scene:
         )
         whole = isinstance(self.surface, Surface)
         sheet = self.surface if whole else self.surface.survey
-        cloth = Kinematics(slopes, sheet.metric)
-        energy = self.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
-        checked = ngs.CF((cloth.jacobian, energy))
+        cloth = Kinematics(slopes, sheet.metric, self.fabric, place=(psi1, psi2))
+        checked = ngs.CF((cloth.jacobian, cloth.energy))
         if whole:
             points = self.surface.domain.sample()
             values = self.surface.evaluate(checked, points)

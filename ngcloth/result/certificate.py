@@ -11,8 +11,10 @@ from math import comb
 import ngsolve as ngs
 import numpy as np
 
+from ..errors import InputError
 from ..output.planar import crossing
 from ..problem.constraints import Elongation, Obstacle, ShearLimit
+from ..problem.fabric import of_place
 from .stationarity import _cloth, _StationaryPoint
 from .stationarity import least_eigenvalue as least_eigenvalue
 
@@ -185,7 +187,15 @@ def verify(result):
         nowhere, the pinned cloth is in equilibrium, and ψ is a (local) minimum: stationary, with
         multipliers found from ψ, and of no negative curvature. In a symmetric scene, a minimum
         among symmetric patches.
+
+    Raises
+    ------
+    InputError
+        If the fabric depends on the place in the cloth: whether ψ is stationary is not asked then.
     """
+    if of_place(result.scene.fabric):
+        allowed = "one that is the same all over the cloth, for a certificate"
+        raise InputError("fabric", result.scene.fabric, allowed)
     limits, jacobian = check_limits(result)
     fine = _unfolded(result) if jacobian > 0 else False
     tests = {"stationarity": np.inf, "stationarity_richer": np.inf, "curvature": np.nan}

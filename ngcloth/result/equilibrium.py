@@ -24,11 +24,11 @@ def equilibrium_residual(result):
     mirrors = ["mirror1", "mirror2"] if scene.symmetric else ["", ""]
     space = ngs.FESpace([ngs.H1(mesh, order=order, dirichlet=line) for line in mirrors])
     v, rule = space.TestFunction(), ngs.dx(bonus_intorder=2 * order)
-    slope = gradient(*result.state.components[:2])
-    cloth = Kinematics(slope, metric)
-    energy = cloth.jacobian * scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
+    psi = result.state.components[:2]
+    cloth = Kinematics(gradient(*psi), metric, scene.fabric, place=psi)
+    energy = cloth.jacobian * cloth.energy
     force, area = ngs.LinearForm(space), ngs.sqrt(ngs.Det(metric))
-    force += (energy.Diff(slope, gradient(*v)) / scene.fabric.stiffness).Compile() * rule
+    force += (cloth.change(energy, *v) / scene.fabric.stiffness).Compile() * rule
     whole = ngs.Integrate(area * rule, mesh)
     norm = ngs.BilinearForm(space, symmetric=True)
     for u, w in zip(*space.TnT(), strict=True):

@@ -73,7 +73,7 @@ class Result(TakenAway):
         if self.scene.cost is None:
             return self.scene.copies * self.scene.fabric.stiffness * self.cost
         cloth = self._cloth
-        return self._integral(self.scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8))
+        return self._integral(cloth.energy)
 
     @property
     def normalized_energy(self):
@@ -317,8 +317,9 @@ class Result(TakenAway):
 
     @cached_property
     def _cloth(self):
-        sheet, slope = self.sheet, gradient(*self._psi)
-        return Kinematics(slope, sheet.metric, self.scene.fabric, lambda: sheet.curvature)
+        sheet, psi = self.sheet, self._psi
+        tensors = sheet.metric, self.scene.fabric, lambda: sheet.curvature
+        return Kinematics(gradient(*psi), *tensors, psi)
 
     @cached_property
     def _fields(self):

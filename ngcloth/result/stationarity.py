@@ -19,9 +19,9 @@ KRYLOV = 30
 
 
 def _cloth(result):
-    sheet = result.sheet
-    slope = gradient(*result.state.components[:2])
-    return Kinematics(slope, sheet.metric, result.scene.fabric, lambda: sheet.curvature)
+    sheet, psi = result.sheet, result.state.components[:2]
+    tensors = sheet.metric, result.scene.fabric, lambda: sheet.curvature
+    return Kinematics(gradient(*psi), *tensors, psi)
 
 
 class _StationaryPoint:

@@ -1,6 +1,7 @@
 """Fabrics from data sheets and from tests."""
 
 import pickle
+from dataclasses import dataclass, replace
 
 import matplotlib.pyplot as plt
 import ngsolve as ngs
@@ -16,7 +17,9 @@ from ngcloth import (
     MeasuredFabric,
     Net,
     PictureFrame,
+    Rectangle,
     Surface,
+    Swollen,
     Turned,
 )
 
@@ -353,3 +356,66 @@ def test_angles_of_a_fabric_of_ones_own_are_checked():
     with pytest.raises(InputError) as error:
         ngcloth.Scene(Surface(cap, Disk()), net)
     assert error.value.argument == "fabric.angles"
+
+
+def domed(X1, X2):
+    """The stretches of the plane by which the sphere covers it stereographically."""
+    growth = 2 / (1 + X1**2 + X2**2)
+    return growth, growth
+
+
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_a_flat_disk_that_swells_becomes_a_hemisphere(symmetric):
+    """It needs no limit and no stress: E = 0, λ = g and γ = 0, from a start that is neither."""
+    fabric = Swollen(Net(ks=1.0), domed)
+    scene = ngcloth.Scene(
+        ngcloth.scenes.hemisphere().surface, fabric, symmetric=symmetric, start=(0.8, 0.9)
+    )
+    result = ngcloth.solve(scene, maxh=0.4, order=3)
+    assert result.converged and result.newton_iterations < 12
+    assert result.normalized_energy < 1e-20
+    radius = np.linalg.norm(result.outline(60), axis=1)
+    assert radius == pytest.approx(np.ones(60), abs=1e-4)
+    theta = np.array([[0.0, 0.0], [0.3, 0.4], [0.0, -0.9]])
+    growth = 2 / (1 + (theta**2).sum(axis=1))
+    assert result.field("stretch1", *theta.T) == pytest.approx(growth, rel=1e-6)
+    with pytest.raises(InputError):
+        result.certificate()
+
+
+def test_growth_by_numbers_is_a_change_of_lengths():
+    """Cloth that has grown by (1.2, 1.1) is at rest there, and covers a cylinder so."""
+    net = Net(kc=(1.0, 2.0), ks=3.0)
+    swollen = Swollen(net, (1.2, 1.1))
+    assert strained(swollen, 1.2 * 1.05, 1.1 * 0.9, 0.2) == pytest.approx(
+        strained(net, 1.05, 0.9, 0.2), rel=1e-12
+    )
+    cylinder = Surface(lambda x, y: (ngs.sin(x), y, ngs.cos(x)), Rectangle((-1, 1), (-1, 1)))
+    result = ngcloth.solve(ngcloth.Scene(cylinder, swollen), maxh=1.0)
+    assert result.area == pytest.approx(4 / (1.2 * 1.1), rel=1e-9)
+    for wrong in ((1.0, 0.0), (1.0,), 2.0):
+        with pytest.raises(InputError):
+            Swollen(net, wrong)
+
+
+@dataclass(frozen=True)
+class Zones:
+    """A net with a soft middle."""
+
+    of_place, stiffness = True, 1.0
+
+    def energy(self, I4, I6, I8, X1, X2):
+        return (1 - 0.8 * ngs.exp(-8 * (X1**2 + X2**2))) * ((I4 - 1) ** 2 + (I6 - 1) ** 2 + I8**2)
+
+
+def test_a_soft_middle_takes_the_strain_in_equilibrium(tmp_path):
+    """With taut threads, and in equilibrium with what pulls where the stiffness changes."""
+    dome = Surface(cap, Disk())
+    scene = ngcloth.Scene(dome, Zones(), [ngcloth.Elongation()], symmetric=True)
+    result = ngcloth.solve(scene, maxh=0.35, order=3, barrier_end=1e-4)
+    even = ngcloth.solve(replace(scene, fabric=Net(ks=1.0)), maxh=0.35, order=3, barrier_end=1e-4)
+    assert result.converged and result.settings["linearisation"] == "automatic"
+    assert result.equilibrium_residual < 0.1
+    assert result.energy < 0.9 * even.energy
+    result.save(tmp_path / "zones")
+    assert ngcloth.load(tmp_path / "zones", scene).energy == pytest.approx(result.energy)

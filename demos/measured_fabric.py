@@ -88,7 +88,7 @@ def scene(cloth):
 
 def solve(cloth, maxh=8.0):
     """The draped part; a barrier of the default weight would weigh as much as this cloth does."""
-    return ngcloth.solve(scene(cloth), maxh=maxh, order=3, barrier_end=1e-5)
+    return ngcloth.solve(scene(cloth), maxh=maxh, order=3, barrier_end=1e-4)
 
 
 def main():

@@ -8,7 +8,7 @@ from .fabrics import MeasuredFabric
 from .output.report import report
 from .problem.constraints import Elongation, Obstacle, ShearLimit
 from .problem.domain import Disk, Domain, Rectangle
-from .problem.fabric import Families, Net, Swollen, Turned
+from .problem.fabric import BendingThreads, Families, Net, Swollen, Turned
 from .problem.scene import Scene
 from .problem.shear_tests import BiasExtension, PictureFrame
 from .problem.surface import Surface
@@ -21,6 +21,7 @@ from .studies.study import Study, study
 from .version import __version__ as __version__
 
 __all__ = [
+    "BendingThreads",
     "BiasExtension",
     "Disk",
     "Domain",

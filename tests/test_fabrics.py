@@ -10,6 +10,7 @@ import pytest
 
 import ngcloth
 from ngcloth import (
+    BendingThreads,
     BiasExtension,
     Disk,
     Families,
@@ -22,6 +23,7 @@ from ngcloth import (
     Swollen,
     Turned,
 )
+from ngcloth.problem.kinematics import Kinematics
 
 ROWS = 1000
 FLAT = Surface(lambda x, y: (x, y, 0 * x), Disk())
@@ -419,3 +421,75 @@ def test_a_soft_middle_takes_the_strain_in_equilibrium(tmp_path):
     assert result.energy < 0.9 * even.energy
     result.save(tmp_path / "zones")
     assert ngcloth.load(tmp_path / "zones", scene).energy == pytest.approx(result.energy)
+
+
+def turned_by(degrees):
+    """A start that lays the warp at an angle to θ1."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return lambda x, y: (c * x + s * y, c * y - s * x)
+
+
+def cylinder(x, y):
+    return ngs.sin(x / 2) * 2, y, ngs.cos(x / 2) * 2
+
+
+def density(surface, fabric, start, theta):
+    """W at a point under a start."""
+    psi = start(ngs.x, ngs.y)
+    slopes = ngs.CF(tuple(p.Diff(t) for p in psi for t in (ngs.x, ngs.y)), dims=(2, 2))
+    cloth = Kinematics(slopes, surface.metric, fabric, lambda: surface.curvature)
+    return float(surface.evaluate(cloth.energy, np.array([theta]))[0])
+
+
+@pytest.mark.parametrize("degrees", [0, 20, 45, 70, 90])
+def test_threads_bent_around_a_cylinder(degrees):
+    """At an angle α to the hoop κ is cos²α/R and sin²α/R, and the twist sin α cos α/R."""
+    B1, B2, D, R = 2.0, 3.0, 5.0, 2.0
+    fabric = BendingThreads(Net(ks=1.0), (B1, B2), D)
+    surface = Surface(cylinder, Disk(1.0))
+    found = density(surface, fabric, turned_by(degrees), (0.3, -0.2))
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    expected = (B1 * c**4 + B2 * s**4) / 2 / R**2 + D * (s * c) ** 2 / R**2
+    assert found == pytest.approx(expected, rel=1e-9)
+    along_hoop = BendingThreads(Turned(Net(ks=1.0), -degrees), (B1, B2), D)
+    straight = density(surface, along_hoop, turned_by(degrees), (0.3, -0.2))
+    assert straight == pytest.approx(B1 / 2 / R**2, rel=1e-9)
+
+
+def test_on_a_sphere_bending_adds_a_constant():
+    """Whatever the state: all normal curvatures are 1/R."""
+    net, B, R = Net(kc=(1.0, 2.0), ks=3.0), 0.7, 1.5
+    surface = Surface(sphere_cap, Disk(1.0))
+
+    def state(x, y):
+        return x + 0.2 * x * y, 0.9 * y - 0.1 * x
+
+    bent, unbent = (
+        density(surface, fabric, state, (0.4, 0.5)) for fabric in (BendingThreads(net, B), net)
+    )
+    assert bent - unbent == pytest.approx(B / R**2, rel=1e-9)
+
+
+@pytest.mark.parametrize(("twist", "angle"), [(0.0, 45), (0.08, 0)])
+def test_bending_turns_the_cloth_on_a_cylinder(twist, angle):
+    """Threads lie where they bend least: at 45°, if twist is cheap, else along the axis."""
+    B, R = 0.02, 2.0
+    fabric = BendingThreads(Net(ks=1.0), B, twist)
+    surface = Surface(cylinder, Disk(1.0))
+    result = ngcloth.solve(ngcloth.Scene(surface, fabric, start=turned_by(30)), maxh=0.7)
+    assert result.converged
+    warp = np.degrees(np.arctan2(*result.slopes(np.zeros((1, 2)))[0, ::-1, 0]))
+    assert abs(warp) == pytest.approx(angle, abs=1e-3)
+    least = np.pi * (B / 4 if angle else B / 2) / R**2
+    assert result.energy == pytest.approx(least, rel=2e-3)  # threads stretch a little for it
+    with pytest.raises(InputError):
+        result.certificate()
+
+
+def test_bending_that_cannot_be():
+    for wrong in ((1.0, 2.0, 3.0), -1.0):
+        with pytest.raises(InputError):
+            BendingThreads(Net(), wrong)
+    with pytest.raises(InputError) as error:
+        ngcloth.Scene(Surface(cap, Disk()), BendingThreads(Net(ks=1.0), 0.1), [ngcloth.Obstacle()])
+    assert "Laplace" in error.value.allowed

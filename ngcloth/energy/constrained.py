@@ -177,10 +177,6 @@ class ConstrainedLagrangian(Discretisation):
         return self._kinematics(*self._psi)
 
     @cached_property
-    def _curvature(self):
-        return self._frozen_symmetric(self.sheet.curvature)
-
-    @cached_property
     def _surface_area(self):
         (area,) = self._frozen(ngs.sqrt(ngs.Det(self._metric)))
         return area

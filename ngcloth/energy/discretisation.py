@@ -1,6 +1,6 @@
 """A scene on a mesh: the compound H1 space, the state, and geometry as numbers."""
 
-from functools import wraps
+from functools import cached_property, wraps
 
 import ngsolve as ngs
 import numpy as np
@@ -111,6 +111,10 @@ class Discretisation:
     def _frozen_symmetric(self, tensor, points=None):
         t11, t12, t22 = self._frozen(tensor[0, 0], tensor[0, 1], tensor[1, 1], points=points)
         return ngs.CF((t11, t12, t12, t22), dims=(2, 2))
+
+    @cached_property
+    def _curvature(self):
+        return self._frozen_symmetric(self.sheet.curvature)
 
     def _density(self, cloth):
         """What is minimised per flat area, over kc."""

@@ -89,7 +89,8 @@ class Lagrangian(Discretisation):
 
     def _kinematics(self, components):
         psi = components[:2]
-        return Kinematics(gradient(*psi), self._metric, self.scene.fabric, place=psi)
+        tensors = self._metric, self.scene.fabric, lambda: self._curvature
+        return Kinematics(gradient(*psi), *tensors, psi)
 
     def _sum_of_squares(self, cloth, here):
         """The energy whose Hessian at the current state is the Gauss-Newton matrix of E.

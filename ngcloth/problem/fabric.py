@@ -2,7 +2,8 @@
 
 A fabric has an ``energy(I4, I6, I8)`` and a `stiffness`. Its threads run along X1 and X2, unless
 it has `angles`: of each family, in degrees from X1 towards X2. One that differs from place to place
-in the cloth has ``of_place = True`` and an ``energy(I4, I6, I8, X1, X2)``.
+in the cloth has ``of_place = True`` and an ``energy(I4, I6, I8, X1, X2)``; one that resists bending
+``of_curvature = True`` and ``energy(I4, I6, I8, K11, K22, K12)``; if both, the place comes last.
 """
 
 from collections.abc import Callable
@@ -220,9 +221,79 @@ class Swollen:
         return self.fabric.energy(I4 / (g1 * g1), I6 / (g2 * g2), I8 / (g1 * g2))
 
 
+@dataclass(frozen=True)
+class BendingThreads:
+    """Another fabric whose threads resist bending: W + ½ Σ B κ² + D Σ τ².
+
+    With K = G⁻ᵀ b G⁻¹, κ = t·K t/λ² is the normal curvature of the threads along t, and τ =
+    t·K s/(λt λs) the twist of each two families. Curvature within the surface costs nothing.
+
+    Parameters
+    ----------
+    fabric : Net, MeasuredFabric or similar
+        Any with `energy` and `stiffness`.
+    bending : float or sequence of float
+        B (force times length), of all families or of each.
+    twist : float
+        D, in the same unit.
+    """
+
+    fabric: object
+    bending: float | tuple
+    twist: float = 0.0
+    of_curvature = True
+
+    def __post_init__(self):
+        families = len(directions(self))
+        each = self.bending
+        each = tuple(each) if isinstance(each, tuple | list) else families * (each,)
+        if len(each) != families:
+            raise InputError("bending", self.bending, f"one stiffness, or {families}")
+        each = tuple(check_number("bending", one, 0, STIFFNESSES[1]) for one in each)
+        object.__setattr__(self, "bending", each)
+        object.__setattr__(self, "twist", check_number("twist", self.twist, 0, STIFFNESSES[1]))
+
+    @property
+    def angles(self):
+        """Those of the other."""
+        return getattr(self.fabric, "angles", RIGHT_ANGLES)
+
+    @property
+    def of_place(self):
+        """Whether the other depends on the place."""
+        return of_place(self.fabric)
+
+    @property
+    def stiffness(self):
+        """That of the other."""
+        return self.fabric.stiffness
+
+    def energy(self, I4, I6, I8, K11, K22, K12, *place):
+        """W of the other, and of curvature and twist."""
+        energy, lines = self.fabric.energy(I4, I6, I8, *place), directions(self)
+        green, bent = (I4, I6, I8), (K11, K22, K12)
+        for stiffness, t in zip(self.bending, lines, strict=True):
+            if stiffness:
+                energy += stiffness / 2 * (along(t, t, *bent) / along(t, t, *green)) ** 2
+        for t, s in combinations(lines, 2) if self.twist else ():
+            squares = along(t, t, *green) * along(s, s, *green)
+            energy += self.twist * along(t, s, *bent) ** 2 / squares
+        return energy
+
+
 def of_place(fabric):
     """Whether the energy of a fabric depends on the place X in the cloth."""
     return getattr(fabric, "of_place", False)
+
+
+def of_curvature(fabric):
+    """Whether the energy of a fabric depends on how its threads curve with the surface."""
+    return getattr(fabric, "of_curvature", False)
+
+
+def of_strain_alone(fabric):
+    """Whether it depends on nothing but C."""
+    return not (of_place(fabric) or of_curvature(fabric))
 
 
 def along(one, other, I4, I6, I8):

@@ -6,7 +6,7 @@ from itertools import combinations
 import ngsolve as ngs
 import numpy as np
 
-from .fabric import along, directions, of_place
+from .fabric import along, directions, of_curvature, of_place
 
 
 class Kinematics:
@@ -37,10 +37,11 @@ class Kinematics:
     shear : γ = I8 / (λ1 λ2), cosine of the angle between these
     angle : shear angle in degrees, 90° minus the angle between these; its sine is γ
     thickness : t/t0 of incompressible cloth, one over the areal stretch √det C = √det a / J
+    bends : list of the same parts of K = G⁻ᵀ b G⁻¹, if the fabric resists bending
     energy : W
     energy_slopes : list of the derivatives of W by I4, I6 and I8
     reaction : τ = −2 w : G⁻ᵀ b G⁻¹ with w = dW/dC, force per flat area with which the surface
-        pushes (Laplace's law)
+        pushes (Laplace's law); of a fabric that resists bending, the part of its tension
     """
 
     def __init__(self, gradient, metric, fabric=None, curvature=None, place=None):
@@ -100,8 +101,12 @@ class Kinematics:
         return self.jacobian / ngs.sqrt(ngs.Det(self.metric))
 
     @cached_property
+    def bends(self):  # noqa: D102
+        return list(self.pushed(self.curvature())) if of_curvature(self.fabric) else []
+
+    @cached_property
     def energy(self):  # noqa: D102
-        return self.fabric.energy(self.I4, self.I6, self.I8, *self.place)
+        return self.fabric.energy(self.I4, self.I6, self.I8, *self.bends, *self.place)
 
     @cached_property
     def energy_slopes(self):  # noqa: D102

@@ -181,7 +181,9 @@ class States:
         """What the scene asks of the cloth: (argument, owner, method) and expression of each."""
         scene = self._scene
         told = [("fabric", scene.fabric, f"{type(scene.fabric).__name__}.energy(I4, I6, I8)")]
-        functions = [returned.energy(scene.fabric, cloth.I4, cloth.I6, cloth.I8, *cloth.place)]
+        functions = [
+            returned.energy(scene.fabric, cloth.I4, cloth.I6, cloth.I8, *cloth.bends, *cloth.place)
+        ]
         for limit in scene.constraints:
             slacks = returned.slacks(limit, cloth)
             told += len(slacks) * [("constraints", limit, f"{type(limit).__name__}.slacks(cloth)")]

@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import InputError
 from ..output.planar import crossing
 from ..problem.constraints import Elongation, Obstacle, ShearLimit
-from ..problem.fabric import of_place
+from ..problem.fabric import of_strain_alone
 from .stationarity import _cloth, _StationaryPoint
 from .stationarity import least_eigenvalue as least_eigenvalue
 
@@ -191,10 +191,10 @@ def verify(result):
     Raises
     ------
     InputError
-        If the fabric depends on the place in the cloth: whether ψ is stationary is not asked then.
+        If the fabric's energy depends on more than strain: such forces are left out here.
     """
-    if of_place(result.scene.fabric):
-        allowed = "one that is the same all over the cloth, for a certificate"
+    if not of_strain_alone(result.scene.fabric):
+        allowed = "one whose energy depends on strain alone, for a certificate"
         raise InputError("fabric", result.scene.fabric, allowed)
     limits, jacobian = check_limits(result)
     fine = _unfolded(result) if jacobian > 0 else False

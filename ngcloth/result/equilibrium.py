@@ -25,7 +25,8 @@ def equilibrium_residual(result):
     space = ngs.FESpace([ngs.H1(mesh, order=order, dirichlet=line) for line in mirrors])
     v, rule = space.TestFunction(), ngs.dx(bonus_intorder=2 * order)
     psi = result.state.components[:2]
-    cloth = Kinematics(gradient(*psi), metric, scene.fabric, place=psi)
+    tensors = metric, scene.fabric, lambda: result.sheet.curvature
+    cloth = Kinematics(gradient(*psi), *tensors, psi)
     energy = cloth.jacobian * cloth.energy
     force, area = ngs.LinearForm(space), ngs.sqrt(ngs.Det(metric))
     force += (cloth.change(energy, *v) / scene.fabric.stiffness).Compile() * rule

@@ -223,9 +223,9 @@ class Result(TakenAway):
         Parameters
         ----------
         name : str
-            "stretch1", "stretch2" (and so on, for more families of threads), "shear" (γ, cosine of the
-            angle between threads of the first two), "angle" (the shear angle in degrees: 90° minus
-            the angle between these threads, signed as γ), "thickness" (t/t0 of incompressible
+            "stretch1", "stretch2" (and so on, for more families of threads), "shear" (γ, cosine of
+            the angle between threads of the first two), "angle" (the shear angle in degrees: 90°
+            minus the angle between these threads, signed as γ), "thickness" (t/t0 of incompressible
             cloth, 1 over the areal stretch), "reaction" (force per flat area, > 0 where the surface
             pushes) or "jacobian".
         theta1, theta2 : float or array_like

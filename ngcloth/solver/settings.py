@@ -5,7 +5,7 @@ import ngsolve as ngs
 from ..energy.automatic import AutomaticLagrangian
 from ..energy.closed_form import ClosedFormLagrangian
 from ..errors import InputError, check_integer, check_number
-from ..problem.fabric import of_place
+from ..problem.fabric import of_strain_alone
 from .gradient_flow import adaptive_flow, fixed_flow
 
 LINEARISATIONS = {"closed form": ClosedFormLagrangian, "automatic": AutomaticLagrangian}
@@ -55,8 +55,8 @@ def checked_settings(
     tolerance = check_number("tolerance", tolerance, 0, open_low=True)
     barrier_end = check_number("barrier_end", barrier_end, 0, 1, open_low=True)
     if scene.in_equilibrium:
-        # Closed forms are those of fabrics that are the same all over the cloth.
-        settings["linearisation"] = "automatic" if of_place(scene.fabric) else linearisation
+        # Closed forms are those of energies of strain.
+        settings["linearisation"] = linearisation if of_strain_alone(scene.fabric) else "automatic"
         # With more multipliers than unknowns the matrix is singular.
         degree = order if multiplier_order is None else multiplier_order
         settings["multiplier_order"] = check_integer("multiplier_order", degree, 1, order)

@@ -381,9 +381,8 @@ def _within_limits(result):
 
 
 def _cloth(result):
-    sheet, psi = result.sheet, result.state.components[:2]
-    tensors = sheet.metric, result.scene.fabric, lambda: sheet.curvature
-    return Kinematics(gradient(*psi), *tensors, psi)
+    sheet, psi, fabric = result.sheet, result.state.components[:2], result.scene.fabric
+    return Kinematics(gradient(*psi), sheet.metric, fabric, lambda: sheet.curvature, psi)
 
 
 def _rule(result):

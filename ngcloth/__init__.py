@@ -4,11 +4,13 @@ from importlib import import_module
 
 from . import scenes
 from .errors import InputError, SolveError
+from .fabrics import MeasuredFabric
 from .output.report import report
 from .problem.constraints import Elongation, Obstacle, ShearLimit
 from .problem.domain import Disk, Domain, Rectangle
-from .problem.fabric import Net
+from .problem.fabric import BendingThreads, Families, Net, Swollen, Turned
 from .problem.scene import Scene
+from .problem.shear_tests import BiasExtension, PictureFrame
 from .problem.surface import Surface
 from .result.certificate import verify
 from .result.history import Reason
@@ -19,12 +21,17 @@ from .studies.study import Study, study
 from .version import __version__ as __version__
 
 __all__ = [
+    "BendingThreads",
+    "BiasExtension",
     "Disk",
     "Domain",
     "Elongation",
+    "Families",
     "InputError",
+    "MeasuredFabric",
     "Net",
     "Obstacle",
+    "PictureFrame",
     "Reason",
     "Rectangle",
     "Result",
@@ -33,6 +40,8 @@ __all__ = [
     "SolveError",
     "Study",
     "Surface",
+    "Swollen",
+    "Turned",
     "load",
     "minima",
     "report",
@@ -44,7 +53,7 @@ __all__ = [
 
 
 def __getattr__(name):
-    """`fields`, `plot` and `view`, loaded when they are asked for: plotting takes a second."""
-    if name in ("fields", "plot", "view"):
+    """Modules that plot, loaded when they are asked for: that takes a second."""
+    if name in ("fields", "plot", "plot_fabric", "view"):
         return import_module(f".output.{name}", __name__)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

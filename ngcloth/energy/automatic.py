@@ -26,12 +26,11 @@ class AutomaticLagrangian(ConstrainedLagrangian):
         self._state_lagrangian()
 
         cloth = self._cloth
-        slope, density = cloth.gradient, self._density(cloth)
         energy = cloth.jacobian * self._strain_energy(cloth)
-        self._cost = (cloth.jacobian * density).Compile()
-        self._work = energy.Diff(slope, gradient(*self.state.components[2:])).Compile()
+        self._cost = (cloth.jacobian * self._density(cloth)).Compile()
+        self._work = cloth.change(energy, *self.state.components[2:]).Compile()
         self._jacobian = cloth.jacobian.Compile()
-        trial = self._kinematics(gradient(*self.fes.TrialFunction()[:2]))
+        trial = self._kinematics(*self.fes.TrialFunction()[:2])
         self._cost_energy = self._symbolic_energy(trial.jacobian * self._density(trial))
         seconds = [w.Diff(i) for w in cloth.energy_slopes for i in (cloth.I4, cloth.I6, cloth.I8)]
         self._seconds = (ngs.CF(tuple(seconds)) / self.scene.fabric.stiffness).Compile()

@@ -164,9 +164,9 @@ class ConstrainedLagrangian(Discretisation):
         BilinearForm
         """
         trial = self.fes.TrialFunction()
-        cloth = self._kinematics(gradient(*trial[:2]))
+        cloth = self._kinematics(*trial[:2])
         energy = cloth.jacobian * self._strain_energy(cloth)
-        work = energy.Diff(cloth.gradient, gradient(*trial[2:]))  # dE[v]
+        work = cloth.change(energy, *trial[2:])  # dE[v]
         density = cloth.jacobian * self._density(cloth) + work
         density += self._surface_area * sum(map(_limit, self._slacks(cloth), inside), ngs.CF(0.0))
         lagrangian = self._symbolic_energy(density)
@@ -243,17 +243,14 @@ class ConstrainedLagrangian(Discretisation):
         v = [ngs.H1(mesh, order=self._multiplier_order, dirichlet=rim) for rim in rims]
         return super()._spaces(mesh, order, mirrors) + v
 
-    def _kinematics(self, slope):
-        return Kinematics(slope, self._metric, self.scene.fabric, lambda: self._curvature)
+    def _kinematics(self, *psi):
+        tensors = self._metric, self.scene.fabric, lambda: self._curvature
+        return Kinematics(gradient(*psi), *tensors, psi)
 
     @cached_property
     def _cloth(self):
         """The cloth of the current ψ."""
-        return self._kinematics(gradient(*self._psi))
-
-    @cached_property
-    def _curvature(self):
-        return self._frozen_symmetric(self.sheet.curvature)
+        return self._kinematics(*self._psi)
 
     @cached_property
     def _surface_area(self):
@@ -276,7 +273,7 @@ class ConstrainedLagrangian(Discretisation):
         """The cloth off the integration points, where geometry enters as expressions."""
         sheet = self.sheet
         tensors = sheet.metric, self.scene.fabric, lambda: sheet.curvature
-        return Kinematics(gradient(psi1, psi2), *tensors)
+        return Kinematics(gradient(psi1, psi2), *tensors, (psi1, psi2))
 
 
 def _stretch_along_rim(metric):

@@ -1,12 +1,13 @@
 """A scene on a mesh: the compound H1 space, the state, and geometry as numbers."""
 
-from functools import wraps
+from functools import cached_property, wraps
 
 import ngsolve as ngs
 import numpy as np
 
 from ..errors import InputError
 from ..problem.constraints import LimitPoints
+from ..problem.fabric import of_place
 from ..problem.kinematics import gradient
 from .sampling import Points
 
@@ -94,10 +95,11 @@ class Discretisation:
     def _free_dofs(self):
         """All degrees of freedom but those on mirror lines; without mirrors, but one vertex.
 
-        Energies do not change under translations of ψ, so holding one vertex takes nothing away.
+        Energies do not change under translations of ψ, so holding one vertex takes nothing away,
+        unless the fabric depends on the place.
         """
         free = ngs.BitArray(self.fes.FreeDofs())
-        if not self.scene.symmetric:
+        if not (self.scene.symmetric or of_place(self.scene.fabric)):
             free.Clear(self.fes.Range(0).start)
             free.Clear(self.fes.Range(1).start)
         return free
@@ -114,6 +116,10 @@ class Discretisation:
         t11, t12, t22 = self._frozen(tensor[0, 0], tensor[0, 1], tensor[1, 1], points=points)
         return ngs.CF((t11, t12, t12, t22), dims=(2, 2))
 
+    @cached_property
+    def _curvature(self):
+        return self._frozen_symmetric(self.sheet.curvature)
+
     def _density(self, cloth):
         """What is minimised per flat area, over kc."""
         cost = self.scene.cost
@@ -121,8 +127,7 @@ class Discretisation:
 
     def _strain_energy(self, cloth):
         """W over kc."""
-        fabric = self.scene.fabric
-        return fabric.energy(cloth.I4, cloth.I6, cloth.I8) / fabric.stiffness
+        return cloth.energy / self.scene.fabric.stiffness
 
     def _symbolic_energy(self, density):
         form = ngs.BilinearForm(self.fes, symmetric=True)

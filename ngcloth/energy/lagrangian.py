@@ -88,7 +88,9 @@ class Lagrangian(Discretisation):
     # How it is put together ---------------------------------------------------------------
 
     def _kinematics(self, components):
-        return Kinematics(gradient(*components[:2]), self._metric)
+        psi = components[:2]
+        tensors = self._metric, self.scene.fabric, lambda: self._curvature
+        return Kinematics(gradient(*psi), *tensors, psi)
 
     def _sum_of_squares(self, cloth, here):
         """The energy whose Hessian at the current state is the Gauss-Newton matrix of E.

@@ -4,11 +4,12 @@ import ngsolve as ngs
 import numpy as np
 
 from ..errors import check_number
+from ..problem.fabric import directions
 from ..problem.kinematics import Kinematics, gradient
 from .fibres import fibres as fibres
 from .files import checked_file, write_file
 from .formats import obj, stl, xml
-from .plot import default_pitch, sample, thread_levels
+from .plot import check_right_angles, default_pitch, sample, thread_levels
 from .tessellation import tessellation
 
 # A limit counts as active where its slack is below this share of its greatest value. The barrier
@@ -196,15 +197,17 @@ def element_fields(result, points):
     dict of ndarray, (n, m) or (n, m, components), for n elements
         "theta": parameter point, 2 components. "psi" and "position": the point on the flat patch,
         its third component 0, and on the surface. "warp" and "weft": unit vectors along the
-        threads, tangent to the surface. "stretch1", "stretch2", "shear", "reaction", "jacobian",
-        "angle", "thickness": as `Result.field` gives them, τ in units of force per flat area, the
-        shear angle in degrees. "active_…", 0 or 1: whether the limit of that name is active, which
+        threads of the first two families, tangent to the surface. "stretch1", "stretch2", "shear",
+        "reaction", "jacobian", "angle", "thickness": as `Result.field` gives them, τ in units of
+        force per flat area, the shear angle in degrees. "active_…", 0 or 1: whether the limit of
+        that name is active, which
         means a slack below 5 % of its greatest value here; the slacks of a limit that has
         several are numbered, as in "active_elongation_1" for the warp.
     """
     scene, sheet = result.scene, result.sheet
     mesh, flat = result.state.space.mesh, result.state.components[:2]
-    cloth = Kinematics(gradient(*flat), sheet.metric, scene.fabric, lambda: sheet.curvature)
+    tensors = sheet.metric, scene.fabric, lambda: sheet.curvature
+    cloth = Kinematics(gradient(*flat), *tensors, flat)
     rule = ngs.IntegrationRule([tuple(point) for point in points], [0.0] * len(points))
     mapped = mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)
     signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)][: scene.copies])[:, None, None, :]
@@ -225,7 +228,8 @@ def element_fields(result, points):
     psi = np.concatenate(signs * at(ngs.CF(tuple(flat))))
     slopes = np.concatenate(signs[..., :, None] * signs[..., None, :] * at(cloth.gradient))
     tangents = on_surface(ngs.CF(sheet.tangents, dims=(2, 3)))
-    threads = np.swapaxes(np.linalg.inv(slopes), -1, -2) @ tangents
+    lines = directions(scene.fabric)
+    threads = lines[:2] @ np.swapaxes(np.linalg.inv(slopes), -1, -2) @ tangents
     stretches = np.linalg.norm(threads, axis=-1)
     warp, weft = np.moveaxis(threads / stretches[..., None], -2, 0)
     shear = np.einsum("...i,...i->...", warp, weft)
@@ -270,6 +274,7 @@ def thread_lines(result, pitch):
     """
     from matplotlib.figure import Figure
 
+    check_right_angles(result)
     theta, triangles = sample(result)
     psi = result.psi(*theta.T)
     levels = [thread_levels(psi[:, 1 - weft], pitch) for weft in (0, 1)]

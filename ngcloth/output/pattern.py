@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import InputError, check_integer, check_number
 from ..geometry.file_surface import UNITS, FileSurface
 from .planar import Room, chords, crossing
-from .plot import thread_levels
+from .plot import check_right_angles, thread_levels
 
 LATTICE = 2**20  # points of the rim between which the outline is refined
 FIRST = 256  # chords of the outline before refinement
@@ -131,12 +131,14 @@ def cut_pattern(result, *, unit_mm=None, pitch=None, seam=0.0, marks=12, toleran
     Raises
     ------
     InputError
-        If an argument is out of bounds; before any file is written.
+        If an argument is out of bounds, or threads run in other directions than those of X1 and
+        X2; before any file is written.
     OSError
         If a file cannot be written, which leaves that file as it was.
     ImportError
         If there is a seam allowance, and the extra ``cut`` is missing.
     """
+    check_right_angles(result)
     if unit_mm is None:
         surface = result.scene.surface
         unit_mm = UNITS[surface.unit] if isinstance(surface, FileSurface) else 100.0

@@ -1,9 +1,12 @@
 """Flat pictures of a `Result` on axes of matplotlib: patch, domain, fields, convergence."""
 
+from itertools import cycle
+
 import numpy as np
 
 from ..errors import InputError
 from ..problem.domain import MeshDomain
+from ..problem.fabric import directions
 from .angles import BANDS, checked_limits, on_bands
 
 LABELS = {
@@ -16,6 +19,7 @@ LABELS = {
     "jacobian": r"patch area element $J$",
 }
 WARP, WEFT = "tab:blue", "tab:orange"
+COLOURS = WARP, WEFT, "tab:green", "tab:red", "tab:purple"  # of families of threads, in turn
 MOST_THREADS = 1000  # of a family
 THREADS = 21  # of each family, about, by default; an odd number keeps them off the tips
 PLACES = ("patch", "domain", "history")
@@ -140,15 +144,14 @@ def _sheet(ax, result, place, field, pitch, limits, levels=21, rings=60, **line)
             filled = ax.tricontourf(x, y, triangles, values, levels, **colours(field, values))
             bar = ax.figure.colorbar(filled, ax=ax, label=LABELS[field], shrink=0.85)
     if pitch is not None:
-        x1, x2 = result.psi(*theta.T).T
-        for position, warp_or_weft in ((x2, WARP), (x1, WEFT)):
+        for position, family in thread_positions(result, result.psi(*theta.T)):
             ax.tricontour(
                 x,
                 y,
                 triangles,
                 position,
                 levels=thread_levels(position, pitch),
-                colors="0.25" if field else warp_or_weft,
+                colors="0.25" if field else family,
                 linewidths=0.4 if field else 0.7,
                 linestyles="solid",
             )
@@ -293,6 +296,28 @@ def sampled_field(result, name, theta):
 def default_pitch(psi):
     """A distance of threads for points (n, 2) of a patch: about `THREADS` of each family."""
     return float(np.sqrt(np.prod(np.ptp(psi, axis=0)))) / THREADS
+
+
+def thread_positions(result, psi):
+    """Of each family, the distance (n,) of flat points from its thread through 0, and its colour.
+
+    For the warp it is X2, for the weft X1.
+    """
+    lines = directions(result.scene.fabric)
+    sides = np.where(np.abs(lines[:, 0]) < np.abs(lines[:, 1]), -1, 1)
+    distances = [
+        side * (psi[:, 1] * line[0] - psi[:, 0] * line[1])
+        for side, line in zip(sides, lines, strict=True)
+    ]
+    return list(zip(distances, cycle(COLOURS), strict=False))
+
+
+def check_right_angles(result):
+    """Raise `InputError` if threads do not run along X1 and X2, as files of threads have them."""
+    lines = directions(result.scene.fabric)
+    if not np.array_equal(lines, np.eye(2)):
+        allowed = "threads along X1 and X2 alone; plot and view draw those of other directions"
+        raise InputError("fabric", result.scene.fabric, allowed)
 
 
 def thread_levels(position, pitch):

@@ -14,8 +14,6 @@ from .angles import BANDS, checked_limits, on_bands
 from .files import checked_file, write_file
 from .plot import (
     LABELS,
-    WARP,
-    WEFT,
     central_frame,
     check_field,
     colours,
@@ -25,6 +23,7 @@ from .plot import (
     sample,
     sampled_field,
     thread_levels,
+    thread_positions,
 )
 
 MATT = {"smooth_shading": True, "ambient": 0.45, "diffuse": 0.55}
@@ -101,7 +100,7 @@ def cloth(
         values = sampled_field(result, field, mesh.point_data["theta"])
         _add_map(plotter, mesh, field, values, limits)
     pitch = default_pitch(mesh.point_data["psi"]) if pitch is None else pitch
-    for position, colour in zip(mesh.point_data["psi"].T[::-1], (WARP, WEFT), strict=True):
+    for position, colour in thread_positions(result, mesh.point_data["psi"]):
         levels = thread_levels(position, pitch)
         lines = mesh.contour(list(levels), scalars=position).strip()
         tubes = lines.tube(radius=0.0016 * mesh.length, n_sides=8)

@@ -46,14 +46,14 @@ class LimitPoints(NamedTuple):
 
 @dataclass(frozen=True)
 class Elongation:
-    """No thread is slack: λ1 ≥ 1 and λ2 ≥ 1 (eq. 3)."""
+    """No thread is slack: λ1 ≥ 1 and λ2 ≥ 1 (eq. 3), and so in all families of the fabric."""
 
     name = "elongation"
 
     def slacks(self, cloth):
-        """1 − 1/λ1 and 1 − 1/λ2."""
+        """1 − 1/λ of each family."""
         # 1/λ1 is linear in ψ1 where λ1 is hyperbolic: steps along its tangent stay feasible.
-        return 1 - 1 / cloth.stretch1, 1 - 1 / cloth.stretch2
+        return tuple(1 - 1 / stretch for stretch in cloth.stretches)
 
     def scale(self, values):
         """What counts as one in a slack whose `values` are these: a stretch."""
@@ -67,7 +67,8 @@ class ShearLimit:
     Parameters
     ----------
     maximum : float
-        γmax, the cosine of the smallest angle allowed between warp and weft, in (0, 1).
+        γmax, the cosine of the smallest angle allowed between warp and weft, or any two families,
+        in (0, 1).
     """
 
     maximum: float
@@ -78,8 +79,8 @@ class ShearLimit:
         object.__setattr__(self, "maximum", maximum)
 
     def slacks(self, cloth):
-        """γmax² − γ²."""
-        return (self.maximum**2 - cloth.shear**2,)
+        """γmax² − γ² of each two families."""
+        return tuple(self.maximum**2 - shear**2 for shear in cloth.shears)
 
     def scale(self, values):
         """What counts as one in a slack whose `values` are these: a change of |γ|."""

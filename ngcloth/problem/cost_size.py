@@ -38,7 +38,8 @@ def cost_size(scene):
     values = []
     for a, b, c in [(0, 0, 0), *STRAINS]:
         slope = ngs.CF((1 - a, -b, -b, 1 - c), dims=(2, 2)) * root
-        cloth = Kinematics(slope, metric, scene.fabric, lambda: surface.curvature)
+        tensors = metric, scene.fabric, lambda: surface.curvature
+        cloth = Kinematics(slope, *tensors, scene.start_expression())
         values.append(cloth.jacobian / area * scene.cost(cloth))
     values = surface.evaluate(ngs.CF(tuple(values)), surface.domain.sample(5))
     gains = np.abs(values[:, 1:] - values[:, :1])

@@ -4,6 +4,7 @@ import ngsolve as ngs
 from netgen.meshing import NgException
 
 from ..errors import InputError
+from .fabric import of_curvature, of_place
 
 
 def call(argument, value, method, expected, function, *arguments):
@@ -67,7 +68,9 @@ def stiffness(fabric):
 
 def energy(fabric, *invariants):
     """W of a fabric, a scalar expression of its invariants."""
-    told = "fabric", fabric, f"{type(fabric).__name__}.energy(I4, I6, I8)"
+    called = "I4, I6, I8" + (", K11, K22, K12" if of_curvature(fabric) else "")
+    called += ", X1, X2" if of_place(fabric) else ""
+    told = "fabric", fabric, f"{type(fabric).__name__}.energy({called})"
     expected = "one scalar expression of NGSolve"
     return scalar(*told, expected, call(*told, expected, fabric.energy, *invariants))
 

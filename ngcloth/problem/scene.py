@@ -13,7 +13,7 @@ from ..geometry.file_surface import FileSurface
 from . import returned
 from .constraints import Elongation, Obstacle, ShearLimit
 from .domain import Disk
-from .fabric import STIFFNESSES, Net
+from .fabric import STIFFNESSES, Net, directions, of_curvature, of_place
 from .kinematics import Kinematics
 from .states import MIRRORS, SAME, States
 from .surface import Surface
@@ -98,6 +98,7 @@ class Scene:
                 "fabric", self.fabric, "an ngcloth.Net, or an object with its `energy`"
             )
         check_number("fabric.stiffness", returned.stiffness(self.fabric), *STIFFNESSES)
+        directions(self.fabric)  # are checked there
         try:
             object.__setattr__(self, "constraints", tuple(self.constraints))
         except TypeError:
@@ -114,6 +115,9 @@ class Scene:
             self._check_file()
         if not (isinstance(self.name, str) and self.name.isprintable()):
             raise InputError("name", self.name, "a text of one line, without control characters")
+        if of_curvature(self.fabric) and any(isinstance(c, Obstacle) for c in self.constraints):
+            allowed = "no Obstacle with threads that resist bending: Laplace's law is not all of it"
+            raise InputError("constraints", self.constraints, allowed)
         self._check_energy()
         object.__setattr__(self, "tie_break", check_number("tie_break", self.tie_break, 0, 1))
         if self.tie_break and self.in_equilibrium:
@@ -187,7 +191,9 @@ class Scene:
         """The fabric's energy is finite near the undeformed cloth, and of the size it says."""
         fabric, stiffness = self.fabric, float(self.fabric.stiffness)
         invariants = [ngs.Parameter(value) for value in (1.0, 1.0, 0.0)]
-        energy = returned.energy(fabric, *invariants)
+        place = self.start_expression() if of_place(fabric) else ()
+        flat = 3 * (ngs.CF(0.0),) if of_curvature(fabric) else ()
+        energy = returned.energy(fabric, *invariants, *flat, *place)
         try:
             stress = ngs.CF((energy, *(energy.Diff(invariant) for invariant in invariants)))
         except NgException as error:
@@ -246,9 +252,9 @@ class Scene:
         )
         whole = isinstance(self.surface, Surface)
         sheet = self.surface if whole else self.surface.survey
-        cloth = Kinematics(slopes, sheet.metric)
-        energy = self.fabric.energy(cloth.I4, cloth.I6, cloth.I8)
-        checked = ngs.CF((cloth.jacobian, energy))
+        tensors = sheet.metric, self.fabric, lambda: sheet.curvature
+        cloth = Kinematics(slopes, *tensors, (psi1, psi2))
+        checked = ngs.CF((cloth.jacobian, cloth.energy))
         if whole:
             points = self.surface.domain.sample()
             values = self.surface.evaluate(checked, points)

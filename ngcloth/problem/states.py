@@ -174,13 +174,16 @@ class States:
         )
         surface = self._surface
         gradient = start + ngs.z * (end - start)
-        return Kinematics(gradient, surface.metric, self._scene.fabric, lambda: surface.curvature)
+        tensors = surface.metric, self._scene.fabric, lambda: surface.curvature
+        return Kinematics(gradient, *tensors, self._scene.start_expression())
 
     def _functions(self, cloth):
         """What the scene asks of the cloth: (argument, owner, method) and expression of each."""
         scene = self._scene
         told = [("fabric", scene.fabric, f"{type(scene.fabric).__name__}.energy(I4, I6, I8)")]
-        functions = [returned.energy(scene.fabric, cloth.I4, cloth.I6, cloth.I8)]
+        functions = [
+            returned.energy(scene.fabric, cloth.I4, cloth.I6, cloth.I8, *cloth.bends, *cloth.place)
+        ]
         for limit in scene.constraints:
             slacks = returned.slacks(limit, cloth)
             told += len(slacks) * [("constraints", limit, f"{type(limit).__name__}.slacks(cloth)")]

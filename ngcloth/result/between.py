@@ -1,8 +1,8 @@
 """Do limits hold, and is J > 0, between the points too? Proofs by Bernstein coefficients.
 
 On the reference triangle ψ is a polynomial of degree p, and with it ψ's derivatives by ξ and η, the
-threads' directions t1 = (∂ηψ2, −∂ξψ2) and t2 = (−∂ηψ1, ∂ξψ1) there, and their J. Of the metric
-â = Fᵀ a F by ξ and η, then
+directions t1 = (∂ηψ2, −∂ξψ2) and t2 = (−∂ηψ1, ∂ξψ1) of X1 and X2 there, those of all threads,
+cos φ t1 + sin φ t2, and their J. Of the metric â = Fᵀ a F by ξ and η, then
 
     λ1² = â(t1, t1) / J²,   λ2² = â(t2, t2) / J²,   γ² = â(t1, t2)² / (â(t1, t1) â(t2, t2)),
 
@@ -18,6 +18,7 @@ On surfaces from files â is a polynomial of that degree, and nothing is left ou
 import ngsolve as ngs
 import numpy as np
 
+from ..problem.fabric import directions
 from .bernstein import basis, corners, derivatives, exponents, fit, halves, lattice, product, raised
 
 LOWEST, HIGHEST = 4, 10  # degree of the metric's interpolation
@@ -37,6 +38,10 @@ class Between:
     ----------
     error : float
         Of the metric's interpolation, relative to the metric, `SAFETY` included.
+    lines : list of (ndarray, ndarray)
+        The direction of each family of threads in the reference triangles.
+    degree : int
+        Of `product` and `area_square`.
     """
 
     def __init__(self, patch):
@@ -45,7 +50,8 @@ class Between:
         (a, b), (c, d) = np.einsum("tin,xmn->ixtm", patch.psi, derivatives(patch.order))
         both = self._degree, self._degree
         self._area = product(a, d, both) - product(b, c, both)
-        self._threads = (d, -c), (-b, a)
+        lines = directions(patch.scene.fabric)
+        self.lines = [(x1 * d - x2 * b, x2 * a - x1 * c) for x1, x2 in lines]
         lowest = int(np.clip(2 * self._degree, LOWEST, HIGHEST))
         for degree in range(lowest, HIGHEST + 1, 2):
             self._interpolate_metric(degree)
@@ -76,23 +82,27 @@ class Between:
         ones = np.ones_like(self._area)
         return least_ratio(self._area, ones, 2 * self._degree, 0.0)[0] > 0
 
-    def products(self):
-        """â(t1, t1), â(t2, t2), â(t1, t2) and J², of one degree, which comes last."""
+    @property
+    def degree(self):  # noqa: D102
+        return 2 * self._degree + max(self._metric_degree, 2 * self._degree)
+
+    @property
+    def area_square(self):
+        """J²."""
+        area = 2 * self._degree
+        return raised(product(self._area, self._area, (area, area)), 2 * area, self.degree)
+
+    def product(self, s, t):
+        """â(s, t) of two directions."""
         degree, metric = self._degree, self._metric_degree
-        both, highest = (degree, degree), max(2 * degree + metric, 4 * degree)
-
-        def measured(s, t):
-            mixed = product(s[0], t[1], both) + product(s[1], t[0], both)
-            terms = product(s[0], t[0], both), mixed, product(s[1], t[1], both)
-            whole = sum(
-                product(a, term, (metric, 2 * degree))
-                for a, term in zip(self._metric, terms, strict=True)
-            )
-            return raised(whole, metric + 2 * degree, highest)
-
-        one, other = self._threads
-        square = raised(product(self._area, self._area, (2 * degree,) * 2), 4 * degree, highest)
-        return measured(one, one), measured(other, other), measured(one, other), square, highest
+        both = degree, degree
+        mixed = product(s[0], t[1], both) + product(s[1], t[0], both)
+        terms = product(s[0], t[0], both), mixed, product(s[1], t[1], both)
+        whole = sum(
+            product(a, term, (metric, 2 * degree))
+            for a, term in zip(self._metric, terms, strict=True)
+        )
+        return raised(whole, metric + 2 * degree, self.degree)
 
 
 def least_ratio(above, below, degree, enough):

@@ -5,13 +5,16 @@ matrix. Spaces, derivatives and factorisations are its own.
 """
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import ngsolve as ngs
 import numpy as np
 
+from ..errors import InputError
 from ..output.planar import crossing
 from ..problem.bars import with_bar
 from ..problem.constraints import Elongation, Obstacle, ShearLimit
+from ..problem.fabric import of_strain_alone
 from ..problem.kinematics import Kinematics, gradient
 from .bernstein import basis, lattice, product
 from .between import Between, least_ratio
@@ -236,7 +239,15 @@ def verify(result):
         nowhere, the pinned cloth is in equilibrium, and ψ is a (local) minimum: stationary, with
         multipliers found from ψ, and of no negative curvature. In a symmetric scene, a minimum
         among symmetric patches.
+
+    Raises
+    ------
+    InputError
+        If the fabric's energy depends on more than strain: such forces are left out here.
     """
+    if not of_strain_alone(result.scene.fabric):
+        allowed = "one whose energy depends on strain alone, for a certificate"
+        raise InputError("fabric", result.scene.fabric, allowed)
     patch, bar = Patch(result), result.error["energy"]
     between = Between(patch)
     found = {
@@ -282,11 +293,12 @@ def check_limits(result, between=None):
 
 
 def _stretches(limit, between):
-    """1 − 1/λ of both threads, proven."""
-    one, other, _, square, degree = between.products()
+    """1 − 1/λ of all families, proven."""
+    square, degree = between.area_square, between.degree
     kept = 1 - between.error  # of a square, at least
     checks = []
-    for number, above in enumerate((one, other), start=1):
+    for number, line in enumerate(between.lines, start=1):
+        above = between.product(line, line)
         stretches = np.sqrt(_on_lattice(above, degree) / _on_lattice(square, degree))
         enough = max((1 - LIMIT) ** 2 / kept, (stretches.min() - SHARP) ** 2)
         ratio, _ = least_ratio(above, square, degree, enough)
@@ -297,17 +309,20 @@ def _stretches(limit, between):
 
 
 def _shear(limit, between):
-    """γmax² − γ², proven."""
-    one, other, mixed, _, degree = between.products()
-    error, allowed, degree = between.error, limit.maximum + LIMIT, 2 * degree
-    squares, threads = (product(*pair, (degree // 2,) * 2) for pair in ((mixed,) * 2, (one, other)))
-    values = _on_lattice(squares, degree) / _on_lattice(threads, degree)
-    enough = min(allowed * (1 - error) - error, np.sqrt(values.max()) + SHARP)
-    ratio, _ = least_ratio(-squares, threads, degree, -(enough**2))
-    shear, values = float((np.sqrt(-ratio) + error) / (1 - error)), limit.maximum**2 - values
-    tolerance = allowed**2 - limit.maximum**2
-    proven = f"|γ| ≤ {-_below(-shear)}", limit.maximum**2 - shear**2
-    return [_check(limit, values, tolerance, between.triangles, *proven)]
+    """γmax² − γ² of each two families, proven."""
+    error, allowed, degree = between.error, limit.maximum + LIMIT, 2 * between.degree
+    tolerance, checks = allowed**2 - limit.maximum**2, []
+    for pair in combinations(between.lines, 2):
+        mixed, (one, other) = between.product(*pair), (between.product(t, t) for t in pair)
+        both = between.degree, between.degree
+        squares, threads = product(mixed, mixed, both), product(one, other, both)
+        values = _on_lattice(squares, degree) / _on_lattice(threads, degree)
+        enough = min(allowed * (1 - error) - error, np.sqrt(values.max()) + SHARP)
+        ratio, _ = least_ratio(-squares, threads, degree, -(enough**2))
+        shear, values = float((np.sqrt(-ratio) + error) / (1 - error)), limit.maximum**2 - values
+        proven = f"|γ| ≤ {-_below(-shear)}", limit.maximum**2 - shear**2
+        checks.append(_check(limit, values, tolerance, between.triangles, *proven))
+    return checks
 
 
 def _below(value):

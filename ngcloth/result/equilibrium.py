@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..problem.fabric import of_place
 from . import changes
 from .elements import Space, assembled, factorised
 
@@ -25,9 +26,18 @@ def equilibrium_residual(patch):
     points, order = patch.by_rule(patch.degree + FINER), patch.order + 1
     space, flat = Space(patch.triangles, order), points.flat_areas()
     density, slopes, bends, _ = points.law()
-    strain = changes.first(points.strain), changes.second(points.strain)
-    stress, _ = changes.with_area(density, *changes.chained(slopes, bends, *strain))
+    firsts, seconds = (
+        np.concatenate([change(tensor) for tensor in points.pushed_tensors], axis=1)
+        for change in (changes.first, changes.second)
+    )
+    n = firsts.shape[1]
+    by_z = changes.chained(slopes[:, :n], bends[:, :n, :n], firsts, seconds)
+    stress, _ = changes.with_area(density, *by_z)
     loads = points.loads(order, flat.reshape(-1, 1) * stress)
+    if of_place(patch.scene.fabric):
+        by_place = flat[:, :, None] * slopes[:, n:].reshape(*points.shape, 2)
+        pulls = by_place.swapaxes(1, 2) @ points.functions_of(order)
+        loads += pulls.reshape(loads.shape)
     force = np.bincount(space.pairs.ravel(), loads.ravel(), 2 * space.ndof)
 
     blocks = points.blocks(order, order, flat.reshape(-1, 1, 1) * points.seminorm())

@@ -396,8 +396,8 @@ def _within_limits(result):
 
 
 def _cloth(result):
-    sheet, psi = result.sheet, result.state.components[:2]
-    return Kinematics(gradient(*psi), sheet.metric, result.scene.fabric, lambda: sheet.curvature)
+    sheet, psi, fabric = result.sheet, result.state.components[:2], result.scene.fabric
+    return Kinematics(gradient(*psi), sheet.metric, fabric, lambda: sheet.curvature, psi)
 
 
 def _rule(result):
@@ -408,7 +408,7 @@ def _rule(result):
 def _cost_of(result):
     """`Result.cost`, from ψ."""
     cloth, scene, fabric = _cloth(result), result.scene, result.scene.fabric
-    cost = fabric.energy(cloth.I4, cloth.I6, cloth.I8) if scene.cost is None else scene.cost(cloth)
+    cost = cloth.energy if scene.cost is None else scene.cost(cloth)
     integral = ngs.dx(intrules={ngs.ET.TRIG: _rule(result)})
     return ngs.Integrate(
         cloth.jacobian * cost / fabric.stiffness * integral, result.state.space.mesh

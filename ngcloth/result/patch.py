@@ -6,6 +6,7 @@ import ngsolve as ngs
 import numpy as np
 
 from ..problem.constraints import RIM_SHARE
+from ..problem.fabric import of_curvature, of_place
 from ..problem.kinematics import Kinematics
 from . import bernstein, changes
 from .elements import SIDES, Triangles
@@ -231,9 +232,25 @@ class Points:
         """For numbers at these points."""
         return Numbers(self.theta)
 
+    @cached_property
+    def pushed_tensors(self):
+        """C, and K = G⁻ᵀ b G⁻¹ if the fabric resists bending: list of (n, 3)."""
+        if of_curvature(self.patch.scene.fabric):
+            return [self.strain, self.pushed(self.patch.sheet.curvature)]
+        return [self.strain]
+
+    @cached_property
+    def place(self):
+        """X = ψ, (n, 2)."""
+        functions = self.functions_of(self.patch.order)
+        return (functions @ self.patch.psi[self.triangles].swapaxes(1, 2)).reshape(-1, 2)
+
     def law(self):
-        """W and its derivatives by C up to the third, over kc."""
-        fabric, numbers = self.patch.scene.fabric, self.table.variables(self.strain)
+        """W and its derivatives up to the third, over kc: by C, and then by K and X, if felt."""
+        fabric, felt = self.patch.scene.fabric, list(self.pushed_tensors)
+        if of_place(fabric):
+            felt.append(self.place)
+        numbers = self.table.variables(np.concatenate(felt, axis=1))
         tensors = self.table.derivatives([fabric.energy(*numbers)], numbers, 3)
         return [tensor[:, 0] / fabric.stiffness for tensor in tensors]
 

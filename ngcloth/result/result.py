@@ -84,7 +84,7 @@ class Result(TakenAway):
         if self.scene.cost is None:
             return self.scene.copies * self.scene.fabric.stiffness * self.cost
         cloth = self._cloth
-        return self._integral(self.scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8))
+        return self._integral(cloth.energy)
 
     @property
     def normalized_energy(self):
@@ -234,10 +234,11 @@ class Result(TakenAway):
         Parameters
         ----------
         name : str
-            "stretch1", "stretch2", "shear" (γ, cosine of the angle between the threads), "angle"
-            (the shear angle in degrees: 90° minus the angle between the threads, signed as γ),
-            "thickness" (t/t0 of incompressible cloth, 1 over the areal stretch), "reaction" (force
-            per flat area, > 0 where the surface pushes) or "jacobian".
+            "stretch1", "stretch2" (and so on, for more families of threads), "shear" (γ, cosine of
+            the angle between threads of the first two), "angle" (the shear angle in degrees: 90°
+            minus the angle between these threads, signed as γ), "thickness" (t/t0 of incompressible
+            cloth, 1 over the areal stretch), "reaction" (force per flat area, > 0 where the surface
+            pushes) or "jacobian".
         theta1, theta2 : float or array_like
             As for `psi`.
 
@@ -333,15 +334,15 @@ class Result(TakenAway):
 
     @cached_property
     def _cloth(self):
-        sheet, slope = self.sheet, gradient(*self._psi)
-        return Kinematics(slope, sheet.metric, self.scene.fabric, lambda: sheet.curvature)
+        sheet, psi = self.sheet, self._psi
+        tensors = sheet.metric, self.scene.fabric, lambda: sheet.curvature
+        return Kinematics(gradient(*psi), *tensors, psi)
 
     @cached_property
     def _fields(self):
         cloth = self._cloth
         return {
-            "stretch1": cloth.stretch1,
-            "stretch2": cloth.stretch2,
+            **{f"stretch{k}": stretch for k, stretch in enumerate(cloth.stretches, 1)},
             "shear": cloth.shear,
             "angle": cloth.angle,
             "thickness": cloth.thickness,

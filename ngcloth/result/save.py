@@ -152,14 +152,16 @@ def fingerprint(scene):
         length of sharp edges and least radius; the rest is of a cap of its size.
     """
     surface = scene.tried_on
-    theta, start = surface.domain.sample(4), ngs.CF(scene.start_expression())
+    theta, place = surface.domain.sample(4), scene.start_expression()
+    start = ngs.CF(place)
     start_gradient = ngs.CF(
         tuple(component.Diff(t) for component in (start[0], start[1]) for t in (ngs.x, ngs.y)),
         dims=(2, 2),
     )
     sheared = ngs.CF(SHEARED, dims=(2, 2)) * start_gradient
-    cloth = Kinematics(sheared, surface.metric, scene.fabric, lambda: surface.curvature)
-    felt = [scene.fabric.energy(cloth.I4, cloth.I6, cloth.I8), cloth.reaction]
+    tensors = surface.metric, scene.fabric, lambda: surface.curvature
+    cloth = Kinematics(sheared, *tensors, place)
+    felt = [cloth.energy, cloth.reaction]
     felt += [slack for limit in scene.constraints for slack in limit.slacks(cloth)]
     expressions = {"position": surface.position, "start": start, "cloth": ngs.CF(tuple(felt))}
     if scene.cost is not None:

@@ -5,6 +5,7 @@ import ngsolve as ngs
 from ..energy.automatic import AutomaticLagrangian
 from ..energy.closed_form import ClosedFormLagrangian
 from ..errors import InputError, check_integer, check_number
+from ..problem.fabric import of_strain_alone
 from .gradient_flow import adaptive_flow, fixed_flow
 
 LINEARISATIONS = {"closed form": ClosedFormLagrangian, "automatic": AutomaticLagrangian}
@@ -60,7 +61,8 @@ def checked_settings(
     if accuracy is not None:
         accuracy = check_number("accuracy", accuracy, 0, 1, open_low=True)
     if scene.in_equilibrium:
-        settings["linearisation"] = linearisation
+        # Closed forms are those of energies of strain.
+        settings["linearisation"] = linearisation if of_strain_alone(scene.fabric) else "automatic"
         # With more multipliers than unknowns the matrix is singular.
         degree = order if multiplier_order is None else multiplier_order
         settings["multiplier_order"] = check_integer("multiplier_order", degree, 1, order)

@@ -1,12 +1,16 @@
 """Value, forces and matrix of the Lagrangian with limits, by Taylor tests and a closed form."""
 
+from dataclasses import dataclass
+
+import ngsolve as ngs
 import numpy as np
 import pytest
-from discretising import TAYLOR, derivative, discretised, times, vector, with_multipliers
+from discretising import TAYLOR, bent, derivative, discretised, times, vector, with_multipliers
 
-from ngcloth import Elongation, Net, Scene
+from ngcloth import BendingThreads, Elongation, Net, Scene, ShearLimit
+from ngcloth.energy.automatic import AutomaticLagrangian
 from ngcloth.problem.constraints import RIM_SHARE
-from ngcloth.scenes import hemisphere
+from ngcloth.scenes import hemisphere, sphere
 from ngcloth.solver.interior_point import Iterate
 
 
@@ -66,6 +70,39 @@ def test_taylor(displaced):
     curved = times(problem.hessian(30 * z, 30 * z / c), direction)
     _, second, gradients = remainders(problem, direction, curved)
     assert rates(second)[-1] < 2.3 and rates(gradients)[-1] < 1.3
+
+
+@dataclass(frozen=True)
+class Zones:
+    """A net that is softer in the middle, and pulls along X1 on one side."""
+
+    of_place, stiffness = True, 1.0
+
+    def energy(self, I4, I6, I8, X1, X2):
+        soft = ngs.exp(-(X1**2) - 2 * X2**2)
+        return (2 - soft) * (I4 - 1) ** 2 + (1 + 0.3 * X1) * (I6 - 1) ** 2 + (1 + soft) * I8**2
+
+
+@pytest.mark.parametrize(
+    ("fabric", "placed"),
+    [(Zones(), True), (BendingThreads(Net(ks=1.0), (0.3, 0.1), 0.2), False)],
+)
+def test_taylor_of_fabrics_of_more_than_strain(fabric, placed):
+    """Value, forces and matrix, with what comes from ψ itself or its curvature, and from v."""
+    limits = Elongation(), ShearLimit(0.9)
+    scene = Scene(sphere(0.6).surface, fabric, limits, bent)
+    problem = discretised(scene, kind=AutomaticLagrangian)
+    problem.mu = 0.1
+    direction = with_multipliers(problem)
+    c = problem.slacks()
+    z = problem.mu / c
+    curved = times(problem.hessian(z, z / c), direction)
+    first, second, gradients = remainders(problem, direction, curved)
+    assert rates(first) == pytest.approx(2, abs=0.2)
+    assert rates(second)[1:] == pytest.approx(3, abs=0.3)
+    assert rates(gradients)[1:] == pytest.approx(2, abs=0.2)
+    held = problem.fes.FreeDofs().NumSet() - problem.free.NumSet()
+    assert held == (0 if placed else 2)  # it may matter where X = 0 is
 
 
 def test_slack_changes(displaced):

@@ -147,7 +147,7 @@ def profile(name, maxh):
     steps = cumulative("interior_point.py", "interior_point")
     parts = {
         "mesh and set-up": cumulative("meshes.py", "make_sheets")
-        + cumulative("solve.py", "_discretised"),
+        + cumulative("chain.py", "discretised"),
         "from coarser meshes": cumulative("constrained.py", "take"),
         "start": cumulative("start.py", "near_start"),
         "matrix": cumulative("closed_form.py", "hessian"),

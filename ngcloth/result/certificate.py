@@ -13,6 +13,7 @@ import numpy as np
 
 from ..output.planar import crossing
 from ..problem.constraints import Elongation, Obstacle, ShearLimit
+from .equilibrium import forces
 from .stationarity import _cloth, _StationaryPoint
 from .stationarity import least_eigenvalue as least_eigenvalue
 
@@ -72,8 +73,8 @@ class Certificate:
     overlap : (float, float) or None
         A point X of the patch where its rim meets itself. With J > 0 and none, ψ is injective.
     equilibrium : float or None
-        `Result.equilibrium_residual`; None without limits or a cost of the scene's own, where
-        stationarity implies it.
+        `Result.equilibrium_residual`, or, where nothing but a direction of the warp is asked for,
+        the force inside over the stress; None where stationarity implies it.
     stress : float
         The scale of `stationarity`, and of `curvature`.
     stationarity : float
@@ -198,7 +199,7 @@ def verify(result):
         jacobian=jacobian,
         unfolded=fine,
         overlap=crossing(*_outlines(result)),
-        equilibrium=result.equilibrium_residual if result.scene.in_equilibrium else None,
+        equilibrium=_equilibrium(result, point),
         stress=point.stress,
         stationarity_tolerance=point.tolerance,
         richer_tolerance=point.richer_tolerance,
@@ -207,6 +208,15 @@ def verify(result):
         one_of_many=result.scene.net_choice > 0,
         **tests,
     )
+
+
+def _equilibrium(result, point):
+    if result.scene.constraints or result.scene.cost:
+        return result.equilibrium_residual
+    if not result.scene.in_equilibrium:
+        return None
+    # What holds the direction of the warp is a force at a point: the rim carries none.
+    return float(forces(result)[0] / (point.stress * np.sqrt(point.area)))
 
 
 def _on_lattice(result, points):

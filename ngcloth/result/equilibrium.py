@@ -19,6 +19,13 @@ def equilibrium_residual(result):
     float
         See `Result.equilibrium_residual`.
     """
+    inside, whole = forces(result)
+    floor = 1e-9 * np.sqrt(result.area / result.scene.copies)
+    return float(inside / max(whole, floor))
+
+
+def forces(result):
+    """Dual norms of the force over kc, on the cloth inside the rim and with the rim included."""
     scene, mesh = result.scene, result.state.space.mesh
     metric, order = result.sheet.metric, result.settings["order"] + 1
     mirrors = ["mirror1", "mirror2"] if scene.symmetric else ["", ""]
@@ -45,5 +52,4 @@ def equilibrium_residual(result):
         on_rim = component.GetDofs(mesh.Boundaries("rim"))
         for dof in np.flatnonzero(list(on_rim)):
             inside.Clear(space.Range(i).start + int(dof))
-    floor = 1e-9 * np.sqrt(result.area / scene.copies)
-    return float(dual_norm(inside) / max(dual_norm(space.FreeDofs()), floor))
+    return dual_norm(inside), dual_norm(space.FreeDofs())

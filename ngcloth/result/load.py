@@ -196,10 +196,11 @@ def _scene(scene, record, expected, folder):
     with _reading(folder, "scene.npz"):
         if "cost" not in expected:  # written before it was kept; the cost of ψ is compared anyhow
             found.pop("cost", None)
-        if expected.keys() - {"cost"} != found.keys() - {"cost"}:
+        if expected.keys() - {"cost", "warp"} != found.keys() - {"cost", "warp"}:
             raise ValueError(f"it has other arrays than {', '.join(found)}")
         differing = [key for key in words if words[key] != record["scene"][key]]
-        differing += [key for key in expected if not _same(found.get(key), expected[key])]
+        names = sorted(expected.keys() | found.keys())
+        differing += [key for key in names if not _same(found.get(key), expected.get(key))]
     if differing:
         text = f"the scene that was solved; {', '.join(differing)} differ"
         raise InputError(argument, value, text)
@@ -217,7 +218,8 @@ def _surface(expected):
 
 def _same(values, expected):
     """Whether arrays (..., n) agree to more digits than two machines may differ in."""
-    if values is None or values.shape != expected.shape or expected.dtype.kind != "f":
+    missing = values is None or expected is None
+    if missing or values.shape != expected.shape or expected.dtype.kind != "f":
         return False
     size = np.where(np.isfinite(expected), np.abs(expected), 0).reshape(-1, expected.shape[-1])
     columns = size.max(axis=0)

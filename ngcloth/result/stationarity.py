@@ -1,6 +1,6 @@
 """Whether a ψ is stationary, and a minimum: what `ngcloth.verify` asks of the Lagrangian."""
 
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations_with_replacement, pairwise
 from math import factorial, prod
 
@@ -11,6 +11,7 @@ from ..problem.constraints import RIM_SHARE
 from ..problem.cost_size import cost_size
 from ..problem.fabric import Net
 from ..problem.kinematics import Kinematics, gradient
+from ..problem.warp import HeldDirection, HeldInverse
 
 AT_REST = 1e-2  # of the stress: what may be unbalanced in a scene without limits
 ROUND_OFF = 1e-9  # stress over kc that counts as none
@@ -32,7 +33,7 @@ class _StationaryPoint:
     """
 
     def __init__(self, result):
-        self.scene, self.settings = result.scene, result.settings
+        self.scene, self.settings, self.sheet = result.scene, result.settings, result.sheet
         self.psi, self.mesh = result.state.components[:2], result.state.space.mesh
         self.order = self.settings["order"]
         self.inverse = "umfpack" if self.scene.in_equilibrium else "sparsecholesky"
@@ -131,7 +132,7 @@ class _StationaryPoint:
         in_sight = self.in_sight(hessian) if self.scene.cost and not self.slacks else None
         flips = [(0, 0), (1, 0), (0, 1), (1, 1)] if self.scene.symmetric else [(0, 0)]
         own, *others = (
-            least_eigenvalue(hessian, norm, self.free(self.order, each), self.inverse)
+            least_eigenvalue(hessian, norm, partial(self.solver, order=self.order, flips=each))
             for each in flips
         )
         return {
@@ -169,6 +170,14 @@ class _StationaryPoint:
                 free.Clear(space.Range(i).start)
         return free
 
+    def solver(self, matrix, order, flips=(0, 0)):
+        """The inverse of a matrix, for changes of ψ that keep a direction of the warp."""
+        inverse = matrix.Inverse(self.free(order, flips), inverse=self.inverse)
+        if self.scene.warp is None or self.scene.symmetric:
+            return inverse
+        given = self.scene.warp, self.scene.at
+        return HeldInverse(inverse, HeldDirection(self.space(order), self.sheet, *given).normal)
+
     def remainder(self, order):
         """The least of |dL|² + Σ ∫ (c z − μ)² dA over all v and z, its root per √area; and v.
 
@@ -191,7 +200,7 @@ class _StationaryPoint:
             matrix += self.equilibrium(trial, test)
         force.Assemble(), matrix.Assemble()
         solution = ngs.GridFunction(space)
-        solution.vec.data = matrix.mat.Inverse(self.free(order), inverse=self.inverse) * force.vec
+        solution.vec.data = self.solver(matrix.mat, order) * force.vec
         square = ngs.InnerProduct(force.vec, solution.vec) / self.area
         solution.vec.data = -1 * solution.vec
         return float(np.sqrt(max(square, 0.0))), solution.components[2:]
@@ -223,7 +232,7 @@ class _StationaryPoint:
         force, step = ngs.LinearForm(space), ngs.GridFunction(space)
         force += self.cost.Diff(self.slope, gradient(*space.TestFunction()[:2])).Compile() * self.dx
         force.Assemble()
-        step.vec.data = hessian.Inverse(self.free(self.order), inverse=self.inverse) * force.vec
+        step.vec.data = self.solver(hessian, self.order) * force.vec
         falls = abs(ngs.InnerProduct(force.vec, step.vec)) / 2
         cost = ngs.Integrate(self.cost.Compile() * self.dx, self.mesh)
         return float(falls / (abs(cost) + ROUND_OFF**2 * self.size * self.area))
@@ -244,8 +253,10 @@ class _StationaryPoint:
         return (upper + lower).Compile() * self.dx
 
 
-def least_eigenvalue(hessian, norm, free, inverse):
+def least_eigenvalue(hessian, norm, solver):
     """The smallest finite eigenvalue of a pencil, by Lanczos iteration about a shift below it.
+
+    `solver` makes the inverse of a matrix.
 
     NGSolve's own Arnoldi solver returns the eigenvalues nearest to a shift and would not tell
     that there are others below it. Here they show, and the shift moves down.
@@ -254,7 +265,7 @@ def least_eigenvalue(hessian, norm, free, inverse):
     while True:
         shifted = hessian.CreateMatrix()
         shifted.AsVector().data = hessian.AsVector() - shift * norm.AsVector()
-        ritz, _ = lanczos(shifted.Inverse(free, inverse=inverse).Mult, norm)
+        ritz, _ = lanczos(solver(shifted).Mult, norm)
         if not ritz[0] < -ROUND_OFF * np.abs(ritz).max():
             return float(shift + 1 / ritz[-1])
         shift = 4 * min(shift, shift + 1 / ritz[0])

@@ -1,7 +1,7 @@
 """The certificate: given to what is solved, refused to each wrong answer, and why."""
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import ngsolve as ngs
 import numpy as np
@@ -203,7 +203,7 @@ def test_curvature_against_dense_algebra(flips):
     root = np.linalg.inv(np.linalg.cholesky(kernel.T @ metric @ kernel))
     reduced = root @ kernel.T @ whole[np.ix_(on_psi, on_psi)] @ kernel @ root.T
     expected = np.linalg.eigvalsh(reduced)[0]
-    found = least_eigenvalue(hessian, norm, point.free(2, flips), "umfpack")
+    found = least_eigenvalue(hessian, norm, partial(point.solver, order=2, flips=flips))
     assert found == pytest.approx(expected, rel=1e-5)
 
 

@@ -16,6 +16,7 @@ from .saddle_system import SaddleSystem
 from .start import near_start
 
 FIRST_MU, LOWER_MU = 1.0, 0.2  # the first barrier's weight, and a barrier's over the one before
+WEAKER = 0.1  # a barrier's over the last one, where that decides how the patch is turned
 HIGHER = 16  # times the 1/Δt that was too low
 # Above this 1/Δt v is given up, and rates do not last: the barrier's Hessian would no longer bend
 # steps from the boundary.
@@ -27,7 +28,8 @@ NEARLY = 30.0
 # length; then at most so many for a step longer by `LONGER`, to within this factor of μ.
 SHORTENED, CORRECTORS, LONGER, CENTRED = 0.5, 5, 0.4, 10.0
 SETTLED, ROUND_OFF = 1e-2, 1e-18  # of a cost: how far it may still fall; and per area
-GAIN = 1e-3  # of the cost: saddles are left as long as that brings so much
+GAIN = 1e-3  # of the cost: saddles are left, and barriers weakened, if that brings so much
+LEAST_COST = 1e-2  # per area, that counts
 LEAST_SLACK = 1e-2  # of slack variables at the start, times √μ below 1
 PATIENCE = 8  # steps in a row above `LASTING_RATE`, then s and z begin anew; refused ones, the end
 
@@ -60,6 +62,7 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
     if recorder.memory:
         iterate.recall(recorder.memory)
     saddle = np.inf  # the cost of the one that was left last
+    given_mu = last_mu
     while not recorder.exhausted:
         error = iterate.error()
         near = error <= (NEARLY if iterate.rate < HIGHER else CENTRED) * iterate.mu
@@ -73,6 +76,11 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
                 if recorder.log:
                     recorder.log("left a saddle")
                 continue
+            share = GAIN if iterate.mu == given_mu else WEAKER * GAIN
+            if phase != "coarse" and iterate.promises(share):
+                last_mu = WEAKER * iterate.mu
+                continue
+            problem.settings |= {"barrier_end": iterate.mu} if problem.slack_names else {}
             return Reason.CONVERGED
         rate, length = iterate.step(recorder)
         if length > 0:
@@ -172,6 +180,27 @@ class Iterate:
             self._begin(self.mu)
             self.rate, self.slow_steps = 1.0, 0
         return left
+
+    def promises(self, share):
+        """Whether nothing holds the patch's direction, and without a barrier its cost is lower.
+
+        Turning costs little: where the barrier weighs as much, it decides which way.
+
+        Parameters
+        ----------
+        share : float
+            Of the cost, that a full step to μ = 0 has to take off.
+        """
+        problem, step = self.problem, self.problem.direction.vec
+        if problem.scene.symmetric or problem.held or not problem.slack_names:
+            return False
+        solve = self.system.solver(self._linearised())
+        self._load_toward(0.0)
+        solve(self._load, step)
+        self._project(step)
+        problem.cost_gradient(self._cost_gradient)
+        promised = abs(self._cost_gradient.InnerProduct(self._psi_step))
+        return promised > share * (abs(problem.cost()) + LEAST_COST * problem.area)
 
     def step(self, recorder):
         """Try one step. Returns its 1/Δt and its accepted length, 0 if it was refused."""

@@ -15,7 +15,8 @@ def make_sheets(scene, maxh, order):
     """The surface on the meshes that a scene is solved on, a `Sheet` each, the finest last."""
     levels, surface = coarser_levels(scene, maxh), scene.surface
     if isinstance(surface, FileSurface):
-        return surface.sheets(maxh, order, REFINEMENTS * levels)[::REFINEMENTS]
+        sheets = surface.sheets(maxh, order, REFINEMENTS * levels, scene.symmetric)
+        return sheets[::REFINEMENTS]
     sizes = [maxh * COARSER**level for level in reversed(range(levels + 1))]
     return [surface.on(make_mesh(scene, size, order)) for size in sizes]
 

@@ -80,7 +80,6 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
             if phase != "coarse" and iterate.promises(share):
                 last_mu = WEAKER * iterate.mu
                 continue
-            problem.settings |= {"barrier_end": iterate.mu} if problem.slack_names else {}
             return Reason.CONVERGED
         rate, length = iterate.step(recorder)
         if length > 0:

@@ -65,8 +65,10 @@ def solve(
         Degree of the integration rules, at whose points inside and along the rim limits hold. By
         default ``2 * order + 2``; at most 30.
     barrier_end : float, optional
-        The barrier weight μ over kc at which a solve with constraints ends, at most 1. Default
-        1e-3.
+        The barrier weight μ over kc at which a solve with constraints ends, at most 1. Where the
+        cost would fall by more than a thousandth without the barrier, and neither mirrors nor
+        `Scene.warp` hold the patch's direction, it goes on to weaker ones, as the result's settings
+        tell. Default 1e-3.
     tolerance : float, optional
         The solve ends where the decrease of the Lagrangian still in sight is below this fraction
         of it; with the "paper" schedule where |∂t L|/(2π kc) is below it; for a cost without
@@ -272,7 +274,11 @@ def _run(problem, recorder, settings, coarser):
         warm = not recorder.memory and _start_from_coarser(problem, recorder, coarser)
         if recorder.exhausted:
             return recorder.why
-        return interior_point(problem, recorder, settings.get("barrier_end", tolerance), warm=warm)
+        end = settings.get("barrier_end", tolerance)
+        reason = interior_point(problem, recorder, end, warm=warm)
+        if reason is Reason.CONVERGED and scene.constraints:
+            problem.settings["barrier_end"] = problem.mu
+        return reason
     flow = FLOWS[settings["schedule"]]
     if scene.tie_break:
         return chosen_net(problem, recorder, flow, tolerance)

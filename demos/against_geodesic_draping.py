@@ -3,8 +3,8 @@
 Inextensible threads through the pole make a net with θ_uv + Γ(θ_u, θ_v) = 0 that
 `ngcloth.chebyshev` solves to rounding: on the rim, half way between warp and weft, a point lies at
 X = (0.9805, 0.9805) in the flat patch, and threads meet at 37.57°. How far from that are both
-programs, after how many CPU seconds (without imports), reading the same STL file? ngcloth covers it with a cloth of
-little shear stiffness, ks/kc = 1e-3, its warp held at the pole.
+programs, after how many CPU seconds (without imports), reading the same STL file? ngcloth covers
+it with a cloth of little shear stiffness, ks/kc = 1e-3, its warp held at the pole.
 
 geodesic-draping (PyPI, GPL) needs an environment of its own, whose Python is the argument:
 

@@ -29,7 +29,8 @@ def write_part(path):
     hood = shell * plane.MakeFillet(upright, CORNER)
     hood = hood - Cylinder(Pnt(70, 20, 0), Z, HOLE, 2 * RADIUS)
     hood = hood * Box(Pnt(-RADIUS, -RADIUS, 0), Pnt(RADIUS, RADIUS, 2 * RADIUS))
-    outside = max(hood.faces, key=lambda face: face.center.z)
+    both = sorted(hood.faces, key=lambda face: face.mass)[-2:]
+    outside = max(both, key=lambda face: face.center.z)
     outside.name = "outside"
     hood.WriteStep(str(path))
 

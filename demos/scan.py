@@ -2,7 +2,7 @@
 
 Which flat patch covers a surface that is known at points alone, each off by a little? Polynomials
 of degree 4 are fitted around vertices, through so many neighbours as the noise asks for, and the
-cloth lies on the smooth surface that blends them. Noise of 0.3 mm on a dome of 200 mm is no harm
+cloth lies on the smooth surface that blends them. Noise of 0.1 mm on a dome of 200 mm is no harm
 to patch and energy, σ_H ~ σ/(ρ² √k) is left of it in the mean curvature; much more, and
 `from_mesh` warns. The STL file is made here; a scan of your own takes its place.
 """
@@ -16,7 +16,7 @@ from scipy.spatial import Delaunay
 
 import ngcloth
 
-NOISE = 0.3  # mm
+NOISE = 0.1  # mm
 POINTS = 12_000
 
 

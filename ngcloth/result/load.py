@@ -96,8 +96,7 @@ def restored(files, scene=None, folder="pickle"):
         fields = plain_arrays(files["fields.npz"], LARGEST["fields.npz"])
         _check_fields(fields, settings, scene)
         sheet = _sheet(scene, fields, settings["order"])
-        mesh = sheet.mesh
-        state = _state(scene, mesh, settings, fields)
+        state = _state(scene, sheet.mesh, settings, fields)
     with _reading(folder, "history.csv"):
         history = _history(files["history.csv"])
     result = Result(
@@ -199,8 +198,8 @@ def _scene(scene, record, expected, folder):
         if expected.keys() - {"cost", "warp"} != found.keys() - {"cost", "warp"}:
             raise ValueError(f"it has other arrays than {', '.join(found)}")
         differing = [key for key in words if words[key] != record["scene"][key]]
-        names = sorted(expected.keys() | found.keys())
-        differing += [key for key in names if not _same(found.get(key), expected.get(key))]
+        keys = sorted(expected.keys() | found)
+        differing += [key for key in keys if not _same(found.get(key), expected.get(key))]
     if differing:
         text = f"the scene that was solved; {', '.join(differing)} differ"
         raise InputError(argument, value, text)
@@ -218,8 +217,8 @@ def _surface(expected):
 
 def _same(values, expected):
     """Whether arrays (..., n) agree to more digits than two machines may differ in."""
-    missing = values is None or expected is None
-    if missing or values.shape != expected.shape or expected.dtype.kind != "f":
+    known = values is not None and expected is not None
+    if not (known and values.shape == expected.shape and expected.dtype.kind == "f"):
         return False
     size = np.where(np.isfinite(expected), np.abs(expected), 0).reshape(-1, expected.shape[-1])
     columns = size.max(axis=0)

@@ -189,13 +189,13 @@ class Result(TakenAway):
     def warp(self):
         """A unit vector along the warp, (3,), at `Scene.at`, by default in the middle."""
         theta, _, tangents = self._middle
-        along = tangents @ np.linalg.solve(self.slopes(theta), [1.0, 0.0])
+        along = tangents @ np.linalg.inv(self.slopes(theta))[:, 0]
         return along / np.linalg.norm(along)
 
     @cached_property
     def _middle(self):
-        surface, at = self.scene.surface, self.scene.at
-        at = np.array(middle(surface) if at is None else at)
+        surface, given = self.scene.surface, self.scene.at
+        at = middle(surface) if given is None else np.array(given)
         file = isinstance(surface, FileSurface)
         return nearest_on_sheet(self.sheet, at) if file else on_surface(surface, at)
 
@@ -290,9 +290,8 @@ class Result(TakenAway):
         shear = max(map(abs, self.extrema["shear"]))
         angle = np.degrees(np.arccos(min(shear, 1)))
         held = "chosen" if self.scene.warp is None else "given"
-        many = (
-            "\n  one of many nets: the one that bends most evenly" if self.scene.net_choice else ""
-        )
+        evenest = "\n  one of many nets: the one that bends most evenly"
+        many = evenest if self.scene.net_choice else ""
         return (
             f"{self.scene.name}: {self.why}\n"
             f"  E/(2π kc) = {self.normalized_energy:.6e}, patch area {self.area:.6f}\n"

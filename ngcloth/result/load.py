@@ -286,8 +286,8 @@ def _sheet(scene, fields, order):
     """The surface on the mesh of the solve."""
     if not isinstance(scene.surface, FileSurface):
         return scene.surface.on(_mesh(scene, fields, order))
-    names = np.full(len(fields["segments"]), "rim")
-    mesh = planar_mesh(fields["vertices"], fields["triangles"], fields["segments"][:, :2], names)
+    vertices, triangles, ends = fields["vertices"], fields["triangles"], fields["segments"][:, :2]
+    mesh = planar_mesh(vertices, triangles, ends, np.full(len(ends), "rim"))
     nodes = {each: fields[f"nodes{each}"] for each in (order, curvature_order(order))}
     return sheet_through(mesh, nodes)
 

@@ -86,6 +86,9 @@ def main(argv=None):
     argv = list(sys.argv[1:] if argv is None else argv)
     if argv and Path(argv[0]).suffix.lower() in (*cad.ENDINGS, *MESHES):
         argv.insert(0, "part")
+    for flag in {"--warp", "--at"}.intersection(argv[:-1]):  # a minus would look like an option
+        place = argv.index(flag)
+        argv[place : place + 2] = ["=".join(argv[place : place + 2])]
     arguments = _parser().parse_args(argv)
     try:
         if arguments.scene == "study":
@@ -185,8 +188,18 @@ def _add_options(group, function, texts, names=None):
             continue
         if default is not None and "default" not in text.lower():
             text += " Default %(default)s."
-        converter = {"float": float, "int": int}[kind]
+        converter = {"float": float, "int": int, "(float": _triple}[kind]
+        kind = "x,y,z" if converter is _triple else kind
         group.add_argument(flag, type=converter, default=default, metavar=kind, help=text)
+
+
+def _triple(text):
+    """Three numbers between commas."""
+    try:
+        x, y, z = map(float, text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"three numbers x,y,z, not {text!r}") from None
+    return x, y, z
 
 
 def _solve_and_write(arguments):

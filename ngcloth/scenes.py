@@ -171,7 +171,7 @@ def hemicatenoid(ks=0.0, obstacle=False, *, symmetric=None):
     )
 
 
-def part(surface, ks=0.0, shear_limit=None, obstacle=False):
+def part(surface, ks=0.0, shear_limit=None, obstacle=False, warp=None, at=None):
     """A surface from a CAD file or from facets.
 
     Parameters
@@ -184,6 +184,11 @@ def part(surface, ks=0.0, shear_limit=None, obstacle=False):
         γmax, the cosine of the smallest angle between the threads, if that is limited.
     obstacle : bool
         Whether the surface can only push, τ ≥ 0.
+    warp : (float, float, float), optional
+        A direction in space along which the warp runs at the point `at`. By default the optimum
+        chooses.
+    at : (float, float, float), optional
+        A point of the surface, in space. By default one in its middle.
 
     Returns
     -------
@@ -192,8 +197,8 @@ def part(surface, ks=0.0, shear_limit=None, obstacle=False):
     Raises
     ------
     InputError
-        For a negative ``ks``; or for an obstacle with ``ks=0``: a cloth without stress is not
-        pushed.
+        For a negative ``ks``; for an obstacle with ``ks=0``: a cloth without stress is not pushed;
+        and as `Scene` does.
     """
     if not isinstance(obstacle, bool):
         raise InputError("obstacle", obstacle, "True or False")
@@ -202,10 +207,11 @@ def part(surface, ks=0.0, shear_limit=None, obstacle=False):
         raise InputError("obstacle", obstacle, allowed)
     fabric = Net(ks=ks)
     limits = _limits(fabric, shear_limit) + ((Obstacle(),) if obstacle else ())
-    scene = Scene(surface, fabric, limits, name=f"part, ks/kc = {fabric.ks:g}")
+    scene = Scene(surface, fabric, limits, name=f"part, ks/kc = {fabric.ks:g}", warp=warp, at=at)
     if isinstance(surface, FileSurface):  # which is saved with the result
         shear_limit = None if shear_limit is None else float(shear_limit)
         arguments = {"ks": fabric.ks, "shear_limit": shear_limit, "obstacle": obstacle}
+        arguments |= {"warp": scene.warp, "at": scene.at}
         object.__setattr__(scene, "recipe", {"scene": "part", "arguments": arguments})
     return scene
 

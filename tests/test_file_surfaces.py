@@ -123,6 +123,19 @@ def test_dome_fillet_and_flange(tmp_path):
     assert file == pytest.approx(chart, abs=2e-4)
 
 
+@pytest.mark.slow
+def test_a_double_dome(tmp_path):
+    """Ten faces, rounded; with the direction of the warp given it is found without turning."""
+    shapes.double_dome().WriteStep(str(tmp_path / "part.step"))
+    part = Surface.from_cad(tmp_path / "part.step", lambda face: face.centre[2] > -0.01)
+    assert part.faces == 10 and part.sharp == 0
+    result = solve(Scene(part, *TAUT, warp=(1, 0, 0), at=(0, 0, 0.453)), maxh=0.3)
+    assert result.converged and result.newton_iterations <= 40
+    assert abs(result.warp[0]) == pytest.approx(1, abs=1e-6)
+    certificate = result.certificate()
+    assert certificate.certified or certificate.faults
+
+
 def test_facets_give_the_energy_of_the_smooth_surface():
     scan = Surface.from_mesh(shapes.facets(40))
     result = solve(Scene(scan, *TAUT), maxh=0.12)

@@ -80,7 +80,8 @@ class ConstrainedLagrangian(Discretisation):
         self.multiplier_flow = self._h1_matrix(2)
         psi, v = self._free_parts()
         self.multipliers = v.NumSet()
-        self._psi_riesz = self.flow.Inverse(psi, inverse="sparsecholesky")
+        self._riesz = self.flow.Inverse(psi, inverse="sparsecholesky")
+        self._psi_riesz = self.keeping(self._riesz)
         self._v_riesz = self.multiplier_flow.Inverse(v, inverse="sparsecholesky")
         self._force, self._rest = (self.state.vec.CreateVector() for _ in range(2))
 
@@ -193,13 +194,15 @@ class ConstrainedLagrangian(Discretisation):
         |∇ψ √a⁻¹ − R|² over the surface falls with each.
         """
         self._rest.data = self._rigid.Assemble().vec - self.flow * self.state.vec
-        self.state.vec.data += self._psi_riesz * self._rest
+        self.state.vec.data += self._riesz * self._rest
+        self.turn()
 
     def take(self, coarse):
         """Interpolate ψ and v from the state of a coarser mesh. Returns whether J > 0."""
         for component, from_coarse in zip(self.state.components, coarse.components, strict=True):
             component.Set(from_coarse)
         self.state.vec.data = ngs.Projector(self.fes.FreeDofs(), True) * self.state.vec
+        self.turn()
         return self.least_jacobian() > 0
 
     @of_state

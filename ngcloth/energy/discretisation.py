@@ -9,6 +9,7 @@ from ..errors import InputError
 from ..problem.constraints import LimitPoints
 from ..problem.fabric import of_place
 from ..problem.kinematics import gradient
+from ..problem.warp import HeldDirection, HeldInverse
 from .sampling import Points
 
 
@@ -59,6 +60,8 @@ class Discretisation:
         Of the surface over the mesh.
     flow : BaseMatrix
         Inner product of the gradient flow.
+    held : HeldDirection or None
+        The direction of the warp, if it is given.
     """
 
     limit_points = LimitPoints()  # of scenes with limits
@@ -77,6 +80,10 @@ class Discretisation:
         if scene.symmetric:
             # Set leaves its projection error on the mirror lines, where nothing would remove it.
             self.state.vec.data = ngs.Projector(self.free, True) * self.state.vec
+        self.held = None  # mirrors hold the direction by themselves
+        if scene.warp is not None and not scene.symmetric:
+            self.held = HeldDirection(self.fes, sheet, scene.warp, scene.at)
+        self.turn()
 
         self.points = Points(mesh, quadrature)
         # Geometry enters as numbers at the integration points, not as expressions of θ: any
@@ -84,6 +91,15 @@ class Discretisation:
         self._metric = self._frozen_symmetric(sheet.metric)
         self.area = ngs.Integrate(ngs.sqrt(ngs.Det(self._metric)) * self.points.dx, mesh)
         self.flow = self._h1_matrix(0)
+
+    def turn(self):
+        """Rotate ψ, where the direction of the warp is given, until it has that."""
+        if self.held:
+            self.held.turn(self._psi)
+
+    def keeping(self, inverse):
+        """The inverse of a matrix, among changes of ψ that keep the direction of the warp."""
+        return HeldInverse(inverse, self.held.normal) if self.held else inverse
 
     def _spaces(self, mesh, order, mirrors):
         return [ngs.H1(mesh, order=order, dirichlet=line) for line in mirrors]

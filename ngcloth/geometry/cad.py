@@ -1,13 +1,14 @@
 """Surfaces from CAD files: STEP, IGES and BREP."""
 
 import tempfile
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
-from .file_surface import UNITS, FileSurface, Level, check_size
+from .file_surface import MIRRORS, SHARP, UNITS, FileSurface, Level, check_size
 from .process import KernelError, run
 
 ENDINGS = {
@@ -20,7 +21,7 @@ ENDINGS = {
 }  # the kernel reads but one spelling of each
 GAP = 1e-5  # of the size; gaps as wide are closed, as between the loose faces of IGES files
 PATIENCE = 30.0, 3e-5  # seconds, and for each byte, in which a file is read or has no end
-MIRRORS = ("mirror1", "mirror2")
+MESHING = 120.0, 2e-2  # and for each triangle, in which faces are meshed
 
 
 @dataclass(frozen=True)
@@ -71,12 +72,14 @@ class CadSurface(FileSurface):
         self._survey("faces", faces)
 
     def levels(self, maxh, orders, count):  # noqa: D102
+        triangles = 10 * (self.size / maxh) ** 2 * 4 ** (count - 1)
         with tempfile.TemporaryDirectory() as folder:
             (Path(folder) / "part.brep").write_bytes(self.brep)
             try:
                 answer = run(
                     "mesh_part",
                     Path(folder),
+                    MESHING[0] + MESHING[1] * triangles,
                     edge_names=self.edge_names,
                     maxh=maxh * UNITS[self.unit],
                     levels=count,
@@ -145,6 +148,11 @@ def from_cad(path, faces=None, unit="mm", side=1):
     InputError
         If the file cannot be read, whatever is in it; no face is chosen; or the faces do not make
         a disk, with or without holes.
+
+    Warns
+    -----
+    UserWarning
+        Of edges at which the surface turns by more than 5°: a reaction along them is not seen.
     """
     path, ending, data = read_bytes(path, ENDINGS)
     if not isinstance(unit, str) or unit not in UNITS:
@@ -171,7 +179,11 @@ def from_cad(path, faces=None, unit="mm", side=1):
         except KernelError as error:
             raise InputError("faces", numbers, f"faces that can be joined ({error})") from None
         brep = (folder / "part.brep").read_bytes()
-    return CadSurface(brep, joined["edge_names"], box, len(numbers), unit, side)
+    surface = CadSurface(brep, joined["edge_names"], box, len(numbers), unit, side)
+    if surface.sharp:
+        text = f"{path.name} has edges sharper than {SHARP:g}°, {surface.sharp:.3g} {unit} of them"
+        warnings.warn(f"{text}: the reaction there is not known", stacklevel=3)
+    return surface
 
 
 def _chosen(table, faces, path, unit):

@@ -1,6 +1,7 @@
 """Surfaces from facets: STL, OBJ, PLY, VTP, VTU, or points and triangles."""
 
 import tempfile
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -124,11 +125,17 @@ def from_mesh(source, unit="mm", smoothing="auto", side=1):
     InputError
         If the file cannot be read, whatever is in it; if points are not finite; or if the facets
         do not make a disk, with or without holes.
+
+    Warns
+    -----
+    UserWarning
+        Where noise hides the curvature, as at 1e-2 of the radius of a dome.
     """
     if isinstance(source, tuple | list):
         if len(source) != 2:
             raise InputError("source", source, "a path, or a pair of points and triangles")
-        return FacetSurface(*source, unit, side, smoothing, "source", "points and triangles")
+        arrays = "source", "points and triangles"
+        return _with_warning(FacetSurface(*source, unit, side, smoothing, *arrays))
     path, ending, data = read_bytes(source, ENDINGS)
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
@@ -138,7 +145,14 @@ def from_mesh(source, unit="mm", smoothing="auto", side=1):
         except KernelError as error:
             raise InputError("path", str(path), f"a readable {ending[1:]} file ({error})") from None
     facets = facets["points"], facets["triangles"]
-    return FacetSurface(*facets, unit, side, smoothing, "path", str(path))
+    return _with_warning(FacetSurface(*facets, unit, side, smoothing, "path", str(path)))
+
+
+def _with_warning(surface):
+    if surface.rough:
+        noise = f"vertices {surface.noise:.2g} {surface.unit} off a smooth surface"
+        warnings.warn(f"{noise}: too rough for its curvature and its reaction", stacklevel=4)
+    return surface
 
 
 def _checked(points, triangles, argument, value):

@@ -13,6 +13,7 @@ from .sheet import planar_mesh, sheet_through
 
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}  # in mm
 MESHES = (".stl", ".obj", ".ply", ".vtp", ".vtu")  # endings of files of facets
+MIRRORS = ("mirror1", "mirror2")  # names of edges on mirror lines
 SHARP = 5.0  # degrees
 SMALLEST = 1e-2  # mm; kernels take points within 1e-7 mm for one
 TUBE = 0.75 * np.pi  # least turning around a hole, of 2π in a plane; on a tube it is 0
@@ -200,7 +201,7 @@ def curvature_order(order):
 
 def _sheets(levels, side, symmetric=False):
     """Charts on planar meshes, each a refinement of the one before; the coarsest is flattened."""
-    from .flatten import flatten
+    from .flatten import between_mirrors, flatten
     from .topology import topology
 
     charts, flat = [], None
@@ -219,6 +220,9 @@ def _sheets(levels, side, symmetric=False):
         keys = map(tuple, np.sort(segments, axis=1).tolist())
         known = level.names if symmetric else {}
         names = np.array([known.get(key, "rim") for key in keys])
+        if symmetric and not charts:
+            mirrors = [np.unique(segments[names == mirror]) for mirror in MIRRORS]
+            flat = between_mirrors(flat, triangles, rims, *mirrors)
         nodes = {order: _swapped(nodes, turned, order) for order, nodes in level.nodes.items()}
         charts.append(sheet_through(planar_mesh(flat, triangles, segments, names), nodes))
     return charts

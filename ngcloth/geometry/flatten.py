@@ -1,7 +1,7 @@
 """Triangles in space laid in the plane: Tutte's embedding, then as rigid as possible."""
 
 import numpy as np
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, diags
 from scipy.sparse.linalg import splu
 
 # As rigid as possible is a chart and a start, and no answer: steps end early.
@@ -56,6 +56,43 @@ def is_embedding(flat, triangles, rims):
     """Whether no triangle is flipped or flat, and no rim crosses itself or another one."""
     areas = _flat_areas(flat, triangles)
     return bool(areas.min() > 1e-6 * areas.mean() and not _crossing(flat, rims))
+
+
+def between_mirrors(flat, triangles, rims, first, second):
+    """A flat surface moved so that two parts of its rim are straight, and cross at the origin.
+
+    Parameters
+    ----------
+    flat, triangles, rims
+        As of `flatten`, and what it returns.
+    first, second : ndarray of int
+        Vertices of the mirror lines θ1 = 0 and θ2 = 0, one of them in common.
+
+    Returns
+    -------
+    ndarray, (n, 2)
+
+    Raises
+    ------
+    FlatteningError
+        If that flips triangles.
+    """
+    (corner,) = np.intersect1d(first, second)
+    flat = flat - flat[corner]
+    x, y = flat[second].mean(axis=0)
+    flat = flat @ np.array([[x, -y], [y, x]]) / np.hypot(x, y)
+    n, ends = len(flat), triangles[:, [0, 1, 1, 2, 2, 0, 1, 0, 2, 1, 0, 2]].reshape(-1, 2)
+    beside = coo_matrix((np.ones(len(ends)), tuple(ends.T)), shape=(n, n)).tocsr()
+    laplacian = (diags(beside.sum(axis=1).A1) - beside).tocsr()
+    for axis, line in enumerate((first, second)):
+        free, off = np.setdiff1d(np.arange(n), line), flat[:, axis].copy()
+        off[free] = splu(laplacian[free][:, free].tocsc()).solve(
+            -laplacian[free][:, line] @ off[line]
+        )
+        flat[:, axis] -= off
+    if not is_embedding(flat, triangles, rims):
+        raise FlatteningError("its mirror lines, laid straight, fold it")
+    return flat
 
 
 def _fan(rim, centre):

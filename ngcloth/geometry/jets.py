@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-CHUNK = 1_000_000  # numbers in the largest array of one pass
+CHUNK = 300_000  # numbers in the largest array of one pass: more leave the cache
 DEGREE = 4
 EXACT = 36  # vertices of a fit to exact ones
 LARGEST = 800  # vertices of any fit

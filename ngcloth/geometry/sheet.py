@@ -67,7 +67,7 @@ def sheet_through(mesh, nodes):
     nodes : dict
         By the order of φ, the nodes (m, (order + 1)(order + 2)/2, 3) of `lattice` in space, of two
         orders or of one. Position, tangents and metric are of the lower order, that of ψ; normal
-        and curvature are of the higher, and as precise.
+        and principal curvatures are of the higher, and as precise.
 
     Returns
     -------
@@ -79,15 +79,16 @@ def sheet_through(mesh, nodes):
     across = ngs.Cross(*finer)
     normal = across / ngs.Norm(across)
     x, y, z = (normal[i] * hessians[i] for i in range(3))
-    curvature = x + y + z
+    metric, shape = _products(tangents), ngs.Inv(_products(finer)) * (x + y + z)
+    curvature = metric * shape  # so that principal curvatures are those of the finer chart
     return Sheet(
         mesh=mesh,
         position=position,
         tangents=tuple(tangents),
         normal=normal,
-        metric=_products(tangents),
-        curvature=curvature,
-        shape=ngs.Inv(_products(finer)) * curvature,
+        metric=metric,
+        curvature=(curvature + curvature.trans) / 2,
+        shape=shape,
         nodes=nodes,
     )
 

@@ -10,6 +10,7 @@ from ..errors import InputError, check_integer, check_number
 SMALLEST, LARGEST, LONGEST = 1e-5, 1e6, 1e4
 BISECTIONS = 52  # down to rounding
 INWARDS = 1e-9  # of the way to the middle of a triangle
+CHUNK = 300_000  # pairs of a point and an edge that are looked at in one pass
 
 
 class Domain:
@@ -316,13 +317,15 @@ class MeshDomain(Domain):
     def _nearest(self, points):
         """The nearest points of the rims, and the middles of the triangles there; each (n, 2)."""
         near, beside = np.empty_like(points), np.empty_like(points)
-        start, end = self._ends[:, 0], self._ends[:, 1]
-        along = end - start
-        for i, point in enumerate(points):
-            share = np.einsum("ni,ni->n", point - start, along) / np.einsum(
-                "ni,ni->n", along, along
-            )
-            feet = start + np.clip(share, 0, 1)[:, None] * along
-            least = np.argmin(np.linalg.norm(feet - point, axis=1))
-            near[i], beside[i] = feet[least], self._beside[least]
+        start, along = self._ends[:, 0], self._ends[:, 1] - self._ends[:, 0]
+        rows = max(CHUNK // len(start), 1)
+        for first in range(0, len(points), rows):
+            some = slice(first, first + rows)
+            gaps = points[some, None] - start
+            share = np.einsum("pni,ni->pn", gaps, along) / np.einsum("ni,ni->n", along, along)
+            feet = start + np.clip(share, 0, 1)[..., None] * along
+            distance = np.linalg.norm(feet - points[some, None], axis=-1)
+            least = np.argmin(distance, axis=1)
+            near[some] = np.take_along_axis(feet, least[:, None, None], axis=1)[:, 0]
+            beside[some] = self._beside[least]
         return near, beside

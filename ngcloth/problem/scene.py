@@ -17,6 +17,7 @@ from .fabric import STIFFNESSES, Net, directions, of_curvature, of_place
 from .kinematics import Kinematics
 from .states import MIRRORS, SAME, States
 from .surface import Surface
+from .warp import checked_warp, in_words
 
 OFF = 1e6  # energies over stiffness are within
 UNDEFORMED, STRETCHED = (1.0, 1.0, 0.0), ((1.21, 1.0, 0.0), (1.0, 1.21, 0.0), (1.0, 1.0, 0.3))
@@ -61,6 +62,12 @@ class Scene:
         net is not unique the patch still moves with ε and the mesh; where it is unique it does not.
     name : str, optional
         How the scene is called in printed lines and figures.
+    warp : (float, float, float), optional
+        A direction in space. The warp runs along its projection on the surface, at `at`, and the
+        start is turned that way; the patch is held to in-plane equilibrium even without
+        constraints, unless it is a Chebyshev net. By default the optimum chooses its direction.
+    at : (float, float, float), optional
+        The point of the surface, in space, of `warp`. By default one in the middle.
 
     Attributes
     ----------
@@ -71,7 +78,8 @@ class Scene:
     Raises
     ------
     InputError
-        If an argument is of the wrong kind, or a function of it returns what is; if the fabric's
+        If an argument is of the wrong kind, or a function of it returns what is; if `at` is off the
+        surface, or `warp` normal to it there, or, with mirrors, not along θ1; if the fabric's
         energy or stress is not finite in the undeformed cloth, or is out of proportion to its
         stiffness; if the start folds the cloth (J ≤ 0) or has no finite energy somewhere; if
         NGSolve does not find the derivatives of energy, slacks or cost; or if surface, fabric,
@@ -88,6 +96,8 @@ class Scene:
     symmetric: bool = False
     tie_break: float = 0.0
     name: str = "scene"
+    warp: tuple | None = None
+    at: tuple | None = None
     recipe = None
 
     def __post_init__(self):
@@ -118,10 +128,13 @@ class Scene:
         if of_curvature(self.fabric) and any(isinstance(c, Obstacle) for c in self.constraints):
             allowed = "no Obstacle with threads that resist bending: Laplace's law is not all of it"
             raise InputError("constraints", self.constraints, allowed)
+        for argument, value in zip(("warp", "at"), checked_warp(self), strict=True):
+            object.__setattr__(self, argument, value)
         self._check_energy()
         object.__setattr__(self, "tie_break", check_number("tie_break", self.tie_break, 0, 1))
         if self.tie_break and self.in_equilibrium:
-            raise InputError("tie_break", self.tie_break, "0 with constraints or a cost")
+            allowed = "0 with constraints, a cost, or a direction of the warp"
+            raise InputError("tie_break", self.tie_break, allowed)
         slopes = self._check_start()
         if self.symmetric:
             self._check_mirrors()
@@ -138,12 +151,17 @@ class Scene:
     @property
     def in_equilibrium(self):
         """Whether equilibrium has to be imposed; minima of E alone have it by themselves."""
-        return bool(self.constraints) or self.cost is not None
+        held = self.warp is not None and not self.symmetric and not self._of_threads
+        return bool(self.constraints) or self.cost is not None or held
+
+    @property
+    def _of_threads(self):
+        return isinstance(self.fabric, Net) and self.fabric.ks == 0
 
     @property
     def inextensible(self):
         """Whether this is a Chebyshev scene: E is nothing but thread energy, and can vanish."""
-        return isinstance(self.fabric, Net) and self.fabric.ks == 0 and not self.in_equilibrium
+        return self._of_threads and not self.in_equilibrium
 
     @property
     def net_choice(self):
@@ -318,6 +336,8 @@ class Scene:
             unknowns += ", v1, v2"
             terms.append("dE(ψ)[v], in-plane equilibrium")
             terms += [f"barrier of {limit}" for limit in self.constraints]
+        if self.warp is not None:
+            terms.append(f"warp along {in_words(self.warp)} at {in_words(self.at)}")
         return "\n".join(
             [
                 f"{self.name}",

@@ -18,7 +18,7 @@ from ..problem.fabric import of_strain_alone
 from ..problem.kinematics import Kinematics, gradient
 from .bernstein import basis, lattice, product
 from .between import Between, least_ratio
-from .equilibrium import equilibrium_residual
+from .equilibrium import equilibrium_residual, forces
 from .patch import Patch
 from .stationarity import StationaryPoint
 
@@ -92,8 +92,8 @@ class Certificate:
     overlap : (float, float) or None
         A point X of the patch where its rim meets itself. With J > 0 and none, ψ is injective.
     equilibrium : float or None
-        `Result.equilibrium_residual`; None without limits or a cost of the scene's own, where
-        stationarity implies it.
+        `Result.equilibrium_residual`, or, where nothing but a direction of the warp is asked for,
+        the force inside over the stress; None where stationarity implies it.
     equilibrium_tolerance : float
         What of it is accepted: a tenth, or what is a hundredth of kc, an error of the mesh.
     stress : float
@@ -265,8 +265,9 @@ def verify(result):
         "asymmetric_curvature": np.nan if result.scene.symmetric else None,
         "in_sight": None,
     }
+    point = StationaryPoint(patch, result.settings)
     if between.jacobian > 0:
-        found |= StationaryPoint(patch, result.settings).tests()
+        found |= point.tests()
     proven = any(type(limit) in (Elongation, ShearLimit) for limit in result.scene.constraints)
     return Certificate(
         limits=check_limits(result, between),
@@ -274,12 +275,22 @@ def verify(result):
         jacobian=between.jacobian,
         unfolded=between.jacobian > 0 and between.unfolded(),
         overlap=crossing(*_outlines(result)),
-        equilibrium=equilibrium_residual(patch) if result.scene.in_equilibrium else None,
+        equilibrium=_equilibrium(point),
         one_of_many=result.scene.net_choice > 0,
         energy=float(result.normalized_energy),
         energy_error=None if bar is None else float(bar / result.scene.normalisation),
         **found,
     )
+
+
+def _equilibrium(point):
+    scene = point.scene
+    if not scene.in_equilibrium:
+        return None
+    if scene.constraints or scene.cost:
+        return equilibrium_residual(point.patch)
+    # What holds the direction of the warp is a force at a point: the rim carries none.
+    return float(forces(point.patch)[0] / (point.stress * np.sqrt(point.area)))
 
 
 def check_limits(result, between=None):

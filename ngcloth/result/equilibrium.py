@@ -23,6 +23,13 @@ def equilibrium_residual(patch):
     float
         See `Result.equilibrium_residual`.
     """
+    inside, whole = forces(patch)
+    floor = 1e-9 * np.sqrt(patch.inside.flat_areas().sum())
+    return float(inside / max(whole, floor))
+
+
+def forces(patch):
+    """Dual norms of the force over kc, on the cloth inside the rim and with the rim included."""
     points, order = patch.by_rule(patch.degree + FINER), patch.order + 1
     space, flat = Space(patch.triangles, order), points.flat_areas()
     density, slopes, bends, _ = points.law()
@@ -60,5 +67,4 @@ def equilibrium_residual(patch):
         square = force[free] @ factorised(norm[free][:, free]).solve(force[free])
         return np.sqrt(max(square, 0.0))
 
-    floor = 1e-9 * np.sqrt(flat.sum())
-    return float(dual_norm(inside) / max(dual_norm(free), floor))
+    return dual_norm(inside), dual_norm(free)

@@ -102,8 +102,7 @@ def restored(files, scene=None, folder="pickle"):
         _check_fields(fields, settings, scene)
         points.check(len(fields["triangles"]))
         sheet = _sheet(scene, fields, settings["order"])
-        mesh = sheet.mesh
-        state = _state(scene, mesh, settings, fields)
+        state = _state(scene, sheet.mesh, settings, fields)
     with _reading(folder, "history.csv"):
         history = _history(files["history.csv"])
     result = Result(
@@ -203,10 +202,11 @@ def _scene(scene, record, expected, folder):
     with _reading(folder, "scene.npz"):
         if "cost" not in expected:  # written before it was kept; the cost of ψ is compared anyhow
             found.pop("cost", None)
-        if expected.keys() - {"cost"} != found.keys() - {"cost"}:
+        if expected.keys() - {"cost", "warp"} != found.keys() - {"cost", "warp"}:
             raise ValueError(f"it has other arrays than {', '.join(found)}")
         differing = [key for key in words if words[key] != record["scene"][key]]
-        differing += [key for key in expected if not _same(found.get(key), expected[key])]
+        keys = sorted(expected.keys() | found)
+        differing += [key for key in keys if not _same(found.get(key), expected.get(key))]
     if differing:
         text = f"the scene that was solved; {', '.join(differing)} differ"
         raise InputError(argument, value, text)
@@ -224,7 +224,8 @@ def _surface(expected):
 
 def _same(values, expected):
     """Whether arrays (..., n) agree to more digits than two machines may differ in."""
-    if values is None or values.shape != expected.shape or expected.dtype.kind != "f":
+    known = values is not None and expected is not None
+    if not (known and values.shape == expected.shape and expected.dtype.kind == "f"):
         return False
     size = np.where(np.isfinite(expected), np.abs(expected), 0).reshape(-1, expected.shape[-1])
     columns = size.max(axis=0)
@@ -298,8 +299,8 @@ def _sheet(scene, fields, order):
     """The surface on the mesh of the solve."""
     if not isinstance(scene.surface, FileSurface):
         return scene.surface.on(_mesh(scene, fields, order))
-    names = np.full(len(fields["segments"]), "rim")
-    mesh = planar_mesh(fields["vertices"], fields["triangles"], fields["segments"][:, :2], names)
+    vertices, triangles, ends = fields["vertices"], fields["triangles"], fields["segments"][:, :2]
+    mesh = planar_mesh(vertices, triangles, ends, np.full(len(ends), "rim"))
     nodes = {each: fields[f"nodes{each}"] for each in (order, curvature_order(order))}
     return sheet_through(mesh, nodes)
 

@@ -8,6 +8,7 @@ from ..output.plot import sample
 
 STEPS = 60
 SETTLED = 1e-13  # of the size: of steps on the surface or the patch
+OUTLINE, MARGIN = 800, 1e-2  # points of a polygon around the patch; of the size, to be beside it
 FOUND = 1e-9  # of the size: from the patch, where a point lies on it
 
 
@@ -28,12 +29,22 @@ def flatten(result, points):
 
 def lay(result, flat):
     """See `Result.lay`."""
+    from matplotlib.path import Path  # takes time
+
     flat = _checked("flat", flat, 2)
+    targets, outline = flat.reshape(-1, 2), result.outline(OUTLINE)
+    size = np.ptp(outline, axis=0).max()
+    # Most points outside are told by a polygon, and need no search.
+    polygon = Path(np.concatenate([outline, outline[:1]]), closed=True)
+    here = polygon.contains_points(targets, radius=MARGIN * size)
+    here |= polygon.contains_points(targets, radius=-MARGIN * size)
+    points = np.full((len(targets), 3), np.nan)
     theta, distance = _nearest(
-        result, flat.reshape(-1, 2), lambda theta: result.psi(*theta.T), result.slopes
+        result, targets[here], lambda theta: result.psi(*theta.T), result.slopes
     )
-    points = result.evaluate(result.sheet.position, theta)
-    points[distance > FOUND * np.ptp(result.outline(), axis=0).max()] = np.nan
+    found = result.evaluate(result.sheet.position, theta)
+    found[distance > FOUND * size] = np.nan
+    points[here] = found
     return points.reshape(flat.shape[:-1] + (3,))
 
 

@@ -8,12 +8,14 @@ import numpy as np
 
 from ..errors import InputError, check_integer
 from ..geometry.file_surface import FileSurface
+from ..geometry.nearest import nearest_on_sheet
 from ..geometry.sheet import Sheet
 from ..problem.bars import UNKNOWN, with_bar
 from ..problem.constraints import LimitPoints
 from ..problem.domain import MeshDomain
 from ..problem.kinematics import Kinematics, gradient
 from ..problem.scene import Scene
+from ..problem.warp import in_words, middle, on_surface
 from .equilibrium import equilibrium_residual
 from .history import Reason
 from .patch import Patch
@@ -194,6 +196,20 @@ class Result(TakenAway):
         values = _at(gradient(*self._psi), points).reshape(*sign.shape, 2)
         return values * sign[..., :, None] * sign[..., None, :]
 
+    @cached_property
+    def warp(self):
+        """A unit vector along the warp, (3,), at `Scene.at`, by default in the middle."""
+        theta, _, tangents = self._middle
+        along = tangents @ np.linalg.inv(self.slopes(theta))[:, 0]
+        return along / np.linalg.norm(along)
+
+    @cached_property
+    def _middle(self):
+        surface, given = self.scene.surface, self.scene.at
+        at = middle(surface) if given is None else np.array(given)
+        file = isinstance(surface, FileSurface)
+        return nearest_on_sheet(self.sheet, at) if file else on_surface(surface, at)
+
     def flatten(self, points):
         """Where points of the surface go on the flat patch.
 
@@ -285,9 +301,9 @@ class Result(TakenAway):
         low, high = self.extrema["stretch1"]
         shear = max(map(abs, self.extrema["shear"]))
         angle = np.degrees(np.arccos(min(shear, 1)))
-        many = (
-            "\n  one of many nets: the one that bends most evenly" if self.scene.net_choice else ""
-        )
+        held = "chosen" if self.scene.warp is None else "given"
+        evenest = "\n  one of many nets: the one that bends most evenly"
+        many = evenest if self.scene.net_choice else ""
         bar, unit = self.error["energy"], self.scene.normalisation
         energy = with_bar(f"{self.normalized_energy:.6e}", bar and bar / unit)
         area = with_bar(f"{self.area:.6f}", self.error["area"])
@@ -299,6 +315,7 @@ class Result(TakenAway):
             f"  E/(2π kc) = {energy}, patch area {area}{short}\n"
             f"  λ1 in [{low:.6f}, {high:.6f}], "
             f"|γ| up to {shear:.6f}, threads at {angle:.1f}° or more{many}\n"
+            f"  warp along {in_words(self.warp)} at {in_words(self._middle[1])}, as {held}\n"
             f"  {self.newton_iterations} Newton steps, {self.seconds:.2f} s"
         )
 

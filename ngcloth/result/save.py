@@ -146,8 +146,9 @@ def fingerprint(scene):
     -------
     dict of ndarray
         "theta" (n, 2), the points; "position" (n, 3), φ; "start" (n, 2), ψ of the start; "cloth"
-        (n, ...), energy density, reaction and all slacks of the start, sheared; and in scenes with
-        one, "cost" (n,) of the same. Files written before the latter was kept have none. For a
+        (n, ...), energy density, reaction and all slacks of the start, sheared; in scenes with
+        one, "cost" (n,) of the same, which files written before it was kept do not have, and
+        "warp" (2, 3), the direction of the warp and where it is held. For a
         surface from a file, "surface" (1, 9) in place of "position": corners of its box, area,
         length of sharp edges and least radius; the rest is of a cap of its size.
     """
@@ -167,6 +168,8 @@ def fingerprint(scene):
     if scene.cost is not None:
         expressions["cost"] = scene.cost(cloth)
     values = {name: surface.evaluate(each, theta) for name, each in expressions.items()}
+    if scene.warp is not None:
+        values["warp"] = np.array([scene.warp, scene.at])
     if isinstance(scene.surface, FileSurface):
         file = scene.surface
         numbers = [*file.box.ravel(), file.area, file.sharp, file.least_radius]

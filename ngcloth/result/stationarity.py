@@ -4,10 +4,13 @@ from functools import cached_property
 
 import numpy as np
 
+from ..geometry.nearest import nearest_on_sheet
 from ..problem.cost_size import cost_size
+from ..problem.warp import parameter_direction
 from . import changes
 from .elements import Space, assembled, factorised, negative_pivots
 from .lanczos import lanczos
+from .patch import Points
 
 AT_REST = 1e-2  # of the stress: what may be unbalanced in a scene without limits
 BALANCED = 1e-3  # and in one with limits, or as much as a barrier can achieve
@@ -243,13 +246,45 @@ class System:
 
         on_v = free >= self.psi.stop
         softening = SOFT * np.abs(self._coupling).max(initial=0.0)
-        return factorised(matrix - diags(softening * on_v, format="csc"))
+        factors = factorised(matrix - diags(softening * on_v, format="csc"))
+        return Factors(factors, None if self._normal is None else self._normal[free])
+
+    @cached_property
+    def _normal(self):
+        """Of the condition on ψ by a given direction of the warp, (∇ψ d)2 = 0; None without."""
+        scene, patch = self._point.scene, self._point.patch
+        if scene.warp is None or scene.symmetric:
+            return None
+        theta, _, tangents = nearest_on_sheet(patch.sheet, np.array(scene.at))
+        place = patch.sheet.mesh(*theta)
+        points = Points(patch, np.array([place.nr]), np.array([[place.pnt[:2]]]), None)
+        along = points.gradient[0] @ parameter_direction(tangents, scene.warp)
+        return self.load(points, np.array([[0.0, 0.0, *along]]))
 
     def solved(self, matrix, load):
         """The solution, zero where it is not free."""
         free, solution = self.free(), np.zeros(self.size)
         matrix = matrix[free][:, free]
         solution[free] = refined(self.factorised(matrix, free), matrix, load[free])
+        return solution
+
+
+class Factors:
+    """Factors of a symmetric matrix, on vectors that keep normal·x = 0 if there is a normal."""
+
+    def __init__(self, factors, normal):
+        self._factors, self._normal = factors, normal
+        self.negative = negative_pivots(factors)
+        if normal is not None:
+            self._response = factors.solve(normal)
+            self._compliance = normal @ self._response
+            self.negative -= self._compliance < 0
+
+    def solve(self, load):
+        """The solution of a system."""
+        solution = self._factors.solve(load)
+        if self._normal is not None:
+            solution -= self._normal @ solution / self._compliance * self._response
         return solution
 
 
@@ -315,7 +350,7 @@ class Pencil:
         while True:
             shifted.data = hessian.data - shift * norm.data
             factors = self.system.factorised(shifted, free)
-            if negative_pivots(factors) <= held:
+            if factors.negative <= held:
                 return free, hessian, shift, factors
             shift *= 4
 

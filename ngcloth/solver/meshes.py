@@ -14,7 +14,7 @@ def make_sheets(scene, maxh, order):
     """The surface on the meshes that a scene is solved on, a `Sheet` each, the finest last."""
     levels, surface = coarser_levels(scene, maxh), scene.surface
     if isinstance(surface, FileSurface):
-        return surface.sheets(maxh, order, levels)
+        return surface.sheets(maxh, order, levels, scene.symmetric)
     sizes = [maxh * COARSER**level for level in reversed(range(levels + 1))]
     return [surface.on(make_mesh(scene, size, order)) for size in sizes]
 

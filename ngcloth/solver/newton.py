@@ -55,7 +55,8 @@ def newton_step(problem, rate, anchor=None, exact=False):
         residual.data += rate * (problem.flow * (before - anchor))
     matrix = problem.hessian(exact)
     matrix.AsVector().data += rate * problem.flow.AsVector()
-    direction.data = -matrix.Inverse(problem.free, inverse=problem.inverse) * residual
+    inverse = matrix.Inverse(problem.free, inverse=problem.inverse)
+    direction.data = -problem.keeping(inverse) * residual
 
     slope = ngs.InnerProduct(residual, direction)
     product.data = matrix * direction

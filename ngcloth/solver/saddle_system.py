@@ -30,6 +30,7 @@ class SaddleSystem:
         self._softener = problem.multiplier_flow.AsVector()
         self._without_pivoting = problem.inverse == "sparsecholesky"
         self._inside, self._factors = ngs.Projector(problem.free, True), None
+        self._compliance = np.inf  # of ψ to what holds the direction of the warp
         self._rest = problem.state.vec.CreateVector()
 
     def solver(self, matrix):
@@ -60,18 +61,30 @@ class SaddleSystem:
             except NgException:  # singular, or not finite
                 out[:] = np.nan
 
-        return solve
+        if not self._problem.held:
+            return solve
+        normal = self._problem.held.normal
+        solve(normal, response := normal.CreateVector())
+        self._compliance = response.InnerProduct(normal)
+
+        def solve_held(load, out):
+            solve(load, out)
+            out.data -= float(out.InnerProduct(normal) / self._compliance) * response
+
+        return solve_held
 
     def is_minimum(self):
         """Whether the matrix last factorised is positive in all ψ that keep equilibrium.
 
-        By Sylvester's law, it then has as many negative pivots as there are multipliers. Where
-        pivots are not known, as of LU, the answer is yes.
+        By Sylvester's law, it then has as many negative pivots as there are multipliers; one more
+        may belong to the direction of the warp, where that is held, and yields to it. Where pivots
+        are not known, as of LU, the answer is yes.
         """
         if not self._without_pivoting:
             return True
         pivots = _pivots(self._factors, self._moving.NumSet())
-        return pivots is None or (pivots < 0).sum() == self._problem.multipliers
+        negative = self._problem.multipliers + (self._compliance < 0)
+        return pivots is None or (pivots < 0).sum() == negative
 
     def _refined(self, matrix, load, out):
         """Iterate out ← out + factors⁻¹ (load − matrix out); whether that succeeded."""

@@ -41,6 +41,17 @@ def hat(slope=np.pi / 4, fillet=0.3, flange=0.4):
     return part, dome + torus + np.pi * ((r2 + flange) ** 2 - r2**2), fillet
 
 
+def double_dome():
+    """Two domes that run into each other on a flange, all edges but those of the plate rounded."""
+    domes = Sphere(Pnt(-0.6, 0, -0.4), 1) + Sphere(Pnt(0.6, 0, -0.4), 1)
+    solid = Box(Pnt(-2, -1.5, -0.3), Pnt(2, 1.5, 0)) + domes * Box(Pnt(-3, -3, 0), Pnt(3, 3, 2))
+    valley = [edge for edge in solid.edges if edge.center[2] > 0.1 and abs(edge.center[0]) < 0.01]
+    solid = solid.MakeFillet(valley, 0.3)
+    middles = np.array([tuple(edge.center) for edge in solid.edges])
+    foot = np.all(np.abs(middles) < [1.95, 1.45, 0.02], axis=1)
+    return solid.MakeFillet([e for e, near in zip(solid.edges, foot, strict=True) if near], 0.2)
+
+
 def panel_with_hole():
     return MoveTo(0, 0).Rectangle(3, 2).Face() - MoveTo(1, 1).Circle(0.4).Face()
 

@@ -65,8 +65,9 @@ def test_refined_meshes_are_nested_and_their_curvature_converges(hemisphere):
             fine.position(fine.mesh(*vertex.point)), abs=1e-12
         )
     for sheet, allowed in ((coarse, 1e-3), (fine, 1e-4)):
-        error = mean(sheet, (sheet.mean_curvature + 1) ** 2)
-        assert error**0.5 < allowed
+        solvers = ngs.Trace(ngs.Inv(sheet.metric) * sheet.curvature) / 2
+        for found in (sheet.mean_curvature, solvers):
+            assert mean(sheet, (found + 1) ** 2) ** 0.5 < allowed
     errors = [abs(integral(s, area_element(s)) - 2 * np.pi) for s in (coarse, fine)]
     assert errors[1] < errors[0] / 12  # of order 4
 
@@ -199,6 +200,20 @@ def test_refused_files(tmp_path, name, data):
         (tmp_path / name).write_bytes(data)
     with pytest.raises(InputError, match="path = .*part"):
         from_cad(tmp_path / name)
+
+
+def test_a_mesher_without_end_is_ended(folder, monkeypatch):
+    part = from_cad(folder / "octant.step", "dome")
+    monkeypatch.setattr(cad, "MESHING", (1e-3, 0.0))
+    with pytest.raises(InputError, match="can be meshed .*no end after"):
+        part.sheets(0.3, order=2)
+
+
+def test_a_warning_of_sharp_edges(tmp_path):
+    box = Box(Pnt(0, 0, 0), Pnt(3, 2, 1))
+    box.WriteStep(str(tmp_path / "box.step"))
+    with pytest.warns(UserWarning, match="14 mm of them"):
+        from_cad(tmp_path / "box.step", lambda face: face.centre[2] < 0.9)
 
 
 @pytest.mark.parametrize("share", [0.17, 0.51, 0.97])

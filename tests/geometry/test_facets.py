@@ -59,7 +59,8 @@ def test_noise_is_estimated_and_smoothed():
 
 
 def test_too_much_noise_for_curvature_is_told():
-    scan = from_mesh(shapes.facets(16, noise=1e-2))
+    with pytest.warns(UserWarning, match="too rough"):
+        scan = from_mesh(shapes.facets(16, noise=1e-2))
     assert scan.rough and "too much for curvature" in str(scan)
     assert scan.noise == pytest.approx(1e-2, rel=0.15)
 

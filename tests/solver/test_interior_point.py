@@ -203,7 +203,7 @@ def test_multipliers_begin_anew_after_steps_at_large_rates():
 
 @pytest.mark.parametrize("bend", [0.0, 0.15])
 def test_a_saddle_is_left(bend):
-    """Warp along the axes of the cap is stationary at 0.016, the minimum is along a diagonal."""
+    """Warp along the axes of the cap is stationary at 0.015, the minimum is along a diagonal."""
 
     def chart(x, y):
         along = x * (1 + bend * (0.36 - x * x) * y)
@@ -215,6 +215,25 @@ def test_a_saddle_is_left(bend):
     assert result.energy == pytest.approx(0.0093, rel=0.01)
     (x, y), (x0, y0) = result.psi([1e-3, 0.0], [0.0, 0.0])
     assert abs(np.degrees(np.arctan2(abs(y - y0), abs(x - x0))) - 45) < 2
+
+
+@pytest.mark.parametrize("degrees", [20, pytest.param(45, marks=pytest.mark.slow)])
+def test_a_patch_that_is_free_to_turn(degrees):
+    """Where the barrier weighs as much as turning does, the solve goes on below its last one.
+
+    From 45° by symmetry the cost has a greatest value there: the patch must leave it.
+    """
+    dome = Surface(lambda x, y: (x, y, -0.25 * x**2 - 0.6 * y**2), Disk(1.0))
+    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+
+    def start(x, y):
+        return cosine * x + sine * y, cosine * y - sine * x
+
+    result = solve(Scene(dome, Net(ks=1.0), [Elongation()], start=start), maxh=0.15)
+    assert result.converged and result.settings["barrier_end"] < 1e-4
+    assert result.normalized_energy == pytest.approx(0.005159, rel=1e-3)
+    direction = abs(np.degrees(np.arctan2(result.warp[1], result.warp[0])))
+    assert abs(direction % 90 - 14.9) < 0.5 or abs(direction % 90 - 75.1) < 0.5
 
 
 @pytest.mark.slow

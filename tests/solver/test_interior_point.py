@@ -203,7 +203,7 @@ def test_multipliers_begin_anew_after_steps_at_large_rates():
 
 @pytest.mark.parametrize("bend", [0.0, 0.15])
 def test_a_saddle_is_left(bend):
-    """Warp along the axes of the cap is stationary at nearly twice the energy of the minimum, which lies along a diagonal."""
+    """Warp along the axes of the cap is stationary at 0.016, the minimum is along a diagonal."""
 
     def chart(x, y):
         along = x * (1 + bend * (0.36 - x * x) * y)

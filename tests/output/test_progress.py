@@ -63,7 +63,8 @@ def test_every_solve_has_its_own_bar(put_at_terminal):
     terminal = put_at_terminal()
     with ProgressBar() as bar:
         for end, full in ((1e-1, 100), (1e-3, 0)):
-            ngcloth.solve(hemisphere(1.0), maxh=0.5, barrier_end=end, max_steps=6, callback=bar)
+            settings = {"maxh": 0.5, "order": 2, "barrier_end": end, "max_steps": 6}
+            ngcloth.solve(hemisphere(1.0), callback=bar, **settings)
             assert max(percent for _, percent in shown(terminal).values()) >= full
             terminal.truncate(0)
             terminal.seek(0)

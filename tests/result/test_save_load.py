@@ -113,7 +113,7 @@ def test_round_trip(result, tmp_path, capfd):
     assert np.array_equal(loaded.outline(50), result.outline(50))
     for name in FIELDS:
         assert np.array_equal(loaded.field(name, *theta), result.field(name, *theta))
-    for name in ("energy", "normalized_energy", "area", "extrema", "converged", "reason"):
+    for name in ("energy", "normalized_energy", "area", "error", "extrema", "converged", "reason"):
         assert getattr(loaded, name) == getattr(result, name), name
     for name in ("newton_iterations", "seconds", "settings", "history"):
         assert getattr(loaded, name) == getattr(result, name), name

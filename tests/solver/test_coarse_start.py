@@ -113,7 +113,7 @@ def test_steps_hardly_grow_with_the_order():
         ngcloth.solve(scenes.hemisphere(1.0), maxh=0.35, order=order).newton_iterations
         for order in (2, 3, 4, 5, 7)
     ]
-    assert max(counts[:4]) <= 18
+    assert max(counts[:4]) <= 24
     assert counts[4] <= 30
 
 

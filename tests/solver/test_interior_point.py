@@ -112,7 +112,7 @@ def test_limit_from_above_that_the_answer_respects_changes_nothing():
 
 def test_limits_that_contradict_each_other_are_named():
     scene = Scene(hemisphere().surface, Net(), (Elongation(), Longest(0.95)), symmetric=True)
-    result = solve(scene, maxh=0.5, max_steps=200)
+    result = solve(scene, maxh=0.5, max_steps=500)
     assert result.reason is Reason.INFEASIBLE
     assert "elongation missed by" in str(result) or "longest thread missed by" in str(result)
     with pytest.raises(ngcloth.SolveError, match="missed by .* at θ"):
@@ -212,7 +212,7 @@ def test_a_saddle_is_left(bend):
     cap = Surface(chart, Rectangle((-0.6, 0.6), (-0.6, 0.6)))
     result = solve(Scene(cap, Net(ks=1.0), (Elongation(),)), maxh=0.3)
     assert result.converged
-    assert result.energy == pytest.approx(0.0093, rel=0.01)
+    assert result.energy == pytest.approx(0.0082, rel=0.01)
     (x, y), (x0, y0) = result.psi([1e-3, 0.0], [0.0, 0.0])
     assert abs(np.degrees(np.arctan2(abs(y - y0), abs(x - x0))) - 45) < 2
 

@@ -1,7 +1,7 @@
 """The certificate: given to what is solved, refused to each wrong answer, and why."""
 
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 
 import ngsolve as ngs
 import numpy as np

@@ -23,6 +23,7 @@ class AutomaticLagrangian(ConstrainedLagrangian):
         inside = [[self.points.field() for _ in range(3)] for _ in self.slack_names]
         on_rim = [[self.rim_points.on_edges() for _ in range(3)] for _ in self.slack_names]
         self._numbers, self._added = (inside, on_rim), []
+        self._matrix = self.flow.CreateMatrix()
         self._state_lagrangian()
 
         cloth = self._cloth
@@ -79,7 +80,9 @@ class AutomaticLagrangian(ConstrainedLagrangian):
         """The second derivative of E + dE[v] − Σ z c + ½ Σ stiffness (c − c̄)², c̄ = c frozen."""
         self._freeze(z, stiffness)
         self._lagrangian.AssembleLinearization(self.state.vec)
-        return self._lagrangian.mat
+        # Factors are of this matrix, and the Lagrangian is stated anew with every limit point.
+        self._matrix.AsVector().data = self._lagrangian.mat.AsVector()
+        return self._matrix
 
     # How it is put together ---------------------------------------------------------------
 

@@ -294,7 +294,7 @@ class Result(TakenAway):
         """`reason` in words; if not converged, with what limits are missed by, and where."""
         from .certificate import check_limits
 
-        checks = () if self.converged else check_limits(self)[0]
+        checks = () if self.converged else check_limits(self)
         return "; ".join([str(self.reason), *(str(check) for check in checks if not check.holds)])
 
     def __str__(self):

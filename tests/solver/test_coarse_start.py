@@ -39,7 +39,7 @@ def test_coarser_meshes_lead_to_the_same_patch(scene, from_scene_start):
 
 def test_steps_on_the_finest_mesh_do_not_grow():
     def solve(maxh):
-        return ngcloth.solve(scenes.hemisphere(100.0), maxh=maxh)
+        return ngcloth.solve(scenes.hemisphere(100.0), maxh=maxh, order=2)
 
     results = [solve(maxh) for maxh in (0.2, 0.1, 0.05)]
     assert max(result.last_mesh_iterations for result in results) <= 25
@@ -47,16 +47,12 @@ def test_steps_on_the_finest_mesh_do_not_grow():
 
 
 def test_correctors_save_steps(monkeypatch):
-    """Same patch; without correctors these take 19, 28 and 36 steps."""
-    for scene, maxh in (
-        (scenes.hemicatenoid(1.0), 0.2),
-        (scenes.hemicatenoid(100.0), 0.1),
-        (scenes.sphere(0.85, shear_limit=cos(pi / 6)), 0.15),
-    ):
-        corrected = ngcloth.solve(scene, maxh=maxh)
+    """Same patch in fewer steps."""
+    for scene in (scenes.hemicatenoid(1.0), scenes.hemicatenoid(100.0)):
+        corrected = ngcloth.solve(scene, maxh=0.2, order=2)
         with monkeypatch.context() as patch:
             patch.setattr(interior_point.Iterate, "_corrected", lambda _, solve, *step: step)
-            plain = ngcloth.solve(scene, maxh=maxh)
+            plain = ngcloth.solve(scene, maxh=0.2, order=2)
         assert corrected.converged and plain.converged
         assert corrected.energy == pytest.approx(plain.energy, rel=1e-3)
         assert corrected.newton_iterations <= 0.75 * plain.newton_iterations
@@ -64,23 +60,21 @@ def test_correctors_save_steps(monkeypatch):
 
 def test_barrier_waits_for_a_patch_that_slides():
     """It turns round the obstacle."""
-    result = ngcloth.solve(scenes.hemicatenoid(100.0, obstacle=True), maxh=0.155, max_steps=180)
+    scene = scenes.hemicatenoid(100.0, obstacle=True)
+    result = ngcloth.solve(scene, maxh=0.3, order=2, max_steps=180)
     assert result.converged
-    assert result.normalized_energy == pytest.approx(0.2669, abs=2e-4)
+    assert result.normalized_energy == pytest.approx(0.2804, abs=5e-4)
 
 
-def test_uniform_meshes_are_of_second_order():
-    """Without limits on the rim itself errors fall like h alone: 1.7e-3 at 0.1, 8.9e-4 at 0.05.
-
-    The limit is that of orders 4 and 6.
-    """
-    scene, limit, sizes = scenes.hemisphere(1.0), 0.18417, np.array([0.2, 0.1, 0.05])
-    results = [ngcloth.solve(scene, maxh=maxh, order=2, barrier_end=1e-5) for maxh in sizes]
+@pytest.mark.parametrize("order, rate, least", [(2, 1.8, 1.5e-4), (3, 2.5, 5e-5)])
+def test_errors_on_uniform_meshes_fall_like_the_order(order, rate, least):
+    """With limits at the points of integration rules inside alone they fall like h."""
+    scene, limit = scenes.hemisphere(1.0), 0.184172  # of order 4 at maxh 0.05
+    sizes = np.array([0.2, 0.1, 0.05])[: 3 if order == 2 else 2]
+    results = [ngcloth.solve(scene, maxh=maxh, order=order, barrier_end=1e-5) for maxh in sizes]
     errors = [abs(result.normalized_energy - limit) for result in results]
-    assert np.polyfit(np.log(sizes), np.log(errors), 1)[0] > 1.8
-    assert errors[1] < 2e-4 and errors[2] < 1e-4
-    rich = ngcloth.solve(scene, maxh=0.2, order=4, barrier_end=1e-5)
-    assert abs(rich.normalized_energy - limit) < 5e-5
+    assert np.polyfit(np.log(sizes), np.log(errors), 1)[0] > rate
+    assert errors[-1] < least
 
 
 def test_meshes_are_nested():
@@ -103,7 +97,7 @@ def test_meshes_are_nested():
 
 def test_large_portion_with_a_shear_limit():
     """Many limits meet here."""
-    result = ngcloth.solve(scenes.sphere(0.85, shear_limit=cos(pi / 6)), maxh=0.1)
+    result = ngcloth.solve(scenes.sphere(0.85, shear_limit=cos(pi / 6)), maxh=0.15, order=2)
     assert result.converged
     assert result.newton_iterations <= 300
 

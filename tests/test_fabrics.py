@@ -246,6 +246,29 @@ def test_files_are_refused_by_line(tmp_path):
     assert error.value.value == "1.02;5"
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "stretch;force\n1,00;0,0\n1,01;2,5\n",
+        "1,00,0,0\n1,01,2,5\n",
+        "1\t0\n1.01\t2.5\n",
+        "x" * 200_000 + ",1\n",
+        "",
+    ],
+)
+def test_files_of_other_programs_are_refused(text, tmp_path):
+    """With semicolons, decimal commas, tabs, a cell that no reader takes, or nothing."""
+    file = tmp_path / "warp.csv"
+    file.write_text(text)
+    with pytest.raises(InputError, match="warp"):
+        MeasuredFabric(warp=file, weft=linear(), shear=shear_table())
+
+
+def test_a_path_that_is_none():
+    with pytest.raises(InputError, match="can be read"):
+        MeasuredFabric(warp="a\0b", weft=linear(), shear=shear_table())
+
+
 def test_a_result_of_a_measured_fabric_is_saved_and_loaded(tmp_path):
     """The same fabric is known again, and another one refused."""
     dome = Surface(cap, Disk())
@@ -398,6 +421,22 @@ def test_growth_by_numbers_is_a_change_of_lengths():
     for wrong in ((1.0, 0.0), (1.0,), 2.0):
         with pytest.raises(InputError):
             Swollen(net, wrong)
+
+
+@pytest.mark.parametrize(
+    ("growth", "allowed"),
+    [
+        (lambda X1, X2: (1 + 0.1 * X1,), "must return a pair"),
+        (lambda X1, X2: 1 + 0.1 * X1, "must return a pair"),
+        (lambda X1, X2: (ngs.IfPos(X1, 1.0, 1.2), 1.0), "derivatives"),
+        (lambda X1, X2: (1 + 0.1 * ngs.sqrt(X2 * X2), 1.0), "derivatives"),
+    ],
+)
+def test_growth_that_cannot_be(growth, allowed):
+    """One number for two, and steps and kinks in the cloth, along which no state changes."""
+    with pytest.raises(InputError) as error:
+        ngcloth.Scene(Surface(cap, Disk()), Swollen(Net(ks=1.0), growth))
+    assert error.value.argument == "fabric" and allowed in error.value.allowed
 
 
 @dataclass(frozen=True)

@@ -217,7 +217,10 @@ class Swollen:
 
     def energy(self, I4, I6, I8, *place):
         """W of the other, at its own invariants."""
-        g1, g2 = self.growth(*place) if place else self.growth
+        growth = self.growth(*place) if place else self.growth
+        if not isinstance(growth, tuple | list) or len(growth) != 2:
+            raise TypeError("`growth` must return a pair (g1, g2)")
+        g1, g2 = growth
         return self.fabric.energy(I4 / (g1 * g1), I6 / (g2 * g2), I8 / (g1 * g2))
 
 

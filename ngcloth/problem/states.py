@@ -174,8 +174,10 @@ class States:
         )
         surface = self._surface
         gradient = start + ngs.z * (end - start)
+        # Across the middle of the patch: laws may depend on the place, too.
+        place = [(1 - 1.5 * ngs.z) * psi for psi in self._scene.start_expression()]
         tensors = surface.metric, self._scene.fabric, lambda: surface.curvature
-        return Kinematics(gradient, *tensors, self._scene.start_expression())
+        return Kinematics(gradient, *tensors, place)
 
     def _functions(self, cloth):
         """What the scene asks of the cloth: (argument, owner, method) and expression of each."""

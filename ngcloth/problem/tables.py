@@ -94,11 +94,15 @@ def _from_array(name, source, columns):
 def _from_file(name, source):
     try:
         text = Path(source).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         raise InputError(name, str(source), f"a CSV file that can be read ({error})") from error
     rows, places = [], []
-    for number, cells in enumerate(csv.reader(text.splitlines()), start=1):
+    for number, line in enumerate(text.splitlines(), start=1):
         place = f"{name}, line {number} of {Path(source).name}"
+        try:
+            cells = next(csv.reader([line]), [])
+        except csv.Error as error:
+            raise InputError(place, line[:80], f"two numbers ({error})") from error
         if not any(cell.strip() for cell in cells):
             continue
         try:
@@ -106,7 +110,7 @@ def _from_file(name, source):
         except ValueError:
             if number == 1 and len(cells) == 2:
                 continue  # headings
-            allowed = "two numbers separated by a comma"
+            allowed = "two numbers with decimal points, separated by a comma"
             raise InputError(place, ",".join(cells), allowed) from None
         rows.append((first, second))
         places.append(place)

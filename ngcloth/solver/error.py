@@ -33,12 +33,13 @@ def with_error(levels):
         return result
     energies = np.array([level.energy for level in levels[-3:]])
     changes = np.diff(energies)
-    if not _settles(changes, abs(energies[-1])):
+    barrier = result.settings["barrier_end"] * result.scene.fabric.stiffness * result.area
+    # On developable surfaces E is 0, but for the barrier.
+    if not _settles(changes, abs(energies[-1]) + barrier):
         return replace(result, error=dict.fromkeys(result.error, np.inf))
     coarse = levels[-2]
     outlines = [level.outline(POINTS) for level in (coarse, result)]
     here, there = (outline - outline.mean(axis=0) for outline in outlines)
-    barrier = result.settings["barrier_end"] * result.scene.fabric.stiffness * result.area
     bars = {
         "energy": abs(changes[-1]) + barrier,
         "area": abs(result.area - coarse.area),

@@ -5,7 +5,17 @@ from functools import cache
 import numpy as np
 import pytest
 
-from ngcloth import Disk, Elongation, InputError, Net, Rectangle, Scene, Surface, solve
+from ngcloth import (
+    Disk,
+    Elongation,
+    InputError,
+    Net,
+    Rectangle,
+    Scene,
+    ShearLimit,
+    Surface,
+    solve,
+)
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
 from ngcloth.solver.error import _settles
 
@@ -92,6 +102,14 @@ def test_a_rim_layer_that_is_not_resolved():
     result = solve(sphere(0.85, shear_limit=float(np.cos(np.pi / 6))))
     assert result.converged and result.error["energy"] == np.inf
     assert "(not resolved)" in str(result)
+
+
+def test_flat_panels_are_resolved():
+    """Their energy is rounding, from mesh to mesh."""
+    flat = Scene(Surface(lambda x, y: (x, y, 0 * x), Disk(1.0)), Net(ks=1.0), [ShearLimit(0.5)])
+    result = solve(flat, maxh=0.2)
+    assert result.converged and result.energy <= result.error["energy"] < 1e-10
+    assert abs(result.area - np.pi) < result.error["area"] < 1e-3
 
 
 # The barrier does not show -------------------------------------------------------------------

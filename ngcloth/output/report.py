@@ -13,6 +13,7 @@ import numpy as np
 from ..errors import InputError
 from ..problem.bars import with_bar
 from ..problem.domain import MeshDomain
+from ..problem.fabric import directions, of_strain_alone
 from .angles import BANDS, checked_limits, on_bands
 from .files import checked_file, write_file
 from .plot import (
@@ -68,7 +69,7 @@ def report(result, path, files=(), limits=None):
     fields = ["stretch1", "stretch2", "shear", "angle", "thickness"]
     if not result.scene.inextensible:
         fields.append("reaction")
-    certificate = result.certificate()
+    certificate = result.certificate() if of_strain_alone(result.scene.fabric) else None
     kind, verdict = _verdict(result, certificate)
     template = package_files(__package__).joinpath("report.html").read_text(encoding="utf-8")
     text = Template(template).substitute(
@@ -108,21 +109,25 @@ def _links(folder, files):
 
 def _verdict(result, certificate):
     """How the page begins: a class of its style, and a sentence."""
-    certified = "certified:" if certificate.certified else "not certified:"
+    held = certificate is not None and certificate.certified
+    certified = "certified:" if held else "not certified:"
     if not result.converged:
         reason = str(result.reason)
         return "bad", (
             f"Not converged. {reason[0].upper()}{reason[1:]}. "
             f"What follows is the last good iterate, not a solution; it is {certified}"
         )
-    if not certificate.certified:
+    if not held:
         return "doubtful", f"Converged, but {certified}"
     return "good", f"Converged and {certified}"
 
 
 def _certificate(certificate):
     """What the certificate says, as items: each fault, or how well all holds."""
-    said = certificate.faults or certificate.findings
+    if certificate is None:
+        said = ["there is no certificate of a fabric that depends on more than strain"]
+    else:
+        said = certificate.faults or certificate.findings
     return "".join(f"<li>{escape(each)}</li>" for each in said)
 
 
@@ -151,7 +156,8 @@ def _extrema(result):
     rows = [("field", "least", "greatest")]
     for name, limits in result.extrema.items():
         unit = result.scene.fabric.stiffness if name == "reaction" else 1.0
-        rows.append((plain(LABELS[name]), *(f"{value / unit:.6g}" for value in limits)))
+        label = LABELS.get(name, f"stretch of family {name.removeprefix('stretch')}")
+        rows.append((plain(label), *(f"{value / unit:.6g}" for value in limits)))
     return rows
 
 
@@ -210,9 +216,9 @@ def _cloth(result, fields, limits):
     """The surface for the script of the page, all numbers whole to keep it small.
 
     Per point: its place in the frame of the centre, in a ball of radius 10000; its normal, times
-    100; "lines", in thousandths: X1 and X2 over the pitch, threads being where they are integers,
-    and the number of rings to the rim. Per field and point: a place from 0 to 255 on a map of
-    colours.
+    100; "lines", in thousandths: places across weft and warp, X1 and X2 if these are at right
+    angles, over the pitch, threads being where they are integers, and the number of rings to the
+    rim. Per field and point: a place from 0 to 255 on a map of colours.
     """
     theta, triangles = sample(result, RINGS)
     frame = central_frame(result)
@@ -227,7 +233,9 @@ def _cloth(result, fields, limits):
         from_rim = np.where(result.domain.on_rim(theta), 0, 1)
     else:
         from_rim = np.append(RINGS, np.repeat(np.arange(RINGS)[::-1], 4 * RINGS))
-    lines = np.column_stack([psi / default_pitch(psi), from_rim])
+    warp, weft = directions(result.scene.fabric)[:2]
+    across = psi @ np.array([[weft[1], -warp[1]], [-weft[0], warp[0]]])
+    lines = np.column_stack([across / default_pitch(psi), from_rim])
 
     def whole(values):
         return np.rint(values).astype(int).ravel().tolist()

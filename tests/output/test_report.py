@@ -14,7 +14,18 @@ import pytest
 from playwright.sync_api import sync_playwright
 
 import ngcloth
-from ngcloth import InputError, Net, Reason, Rectangle, Scene, Surface
+from ngcloth import (
+    BendingThreads,
+    Disk,
+    Families,
+    InputError,
+    Net,
+    Reason,
+    Rectangle,
+    Scene,
+    Surface,
+    Turned,
+)
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
@@ -22,6 +33,7 @@ from matplotlib.colors import to_rgb  # noqa: E402
 
 from ngcloth import plot  # noqa: E402
 from ngcloth.output.angles import BANDS  # noqa: E402
+from ngcloth.output.report import RINGS  # noqa: E402
 
 RADIUS = np.sqrt(1.25)  # of the ball around the box around the hemisphere
 VOID = {"meta", "link", "img", "br", "input"}
@@ -239,6 +251,36 @@ def test_page_without_certificate_says_what_is_missed(written):
     assert text == "Converged, but not certified:"
     told = [text for _, text in Reader(written("claimed")).all("li")]
     assert told == solved("claimed").certificate().faults != []
+
+
+@pytest.mark.parametrize("fabric", [Families((0, 60, 120)), BendingThreads(Net(ks=1.0), 0.1)])
+def test_pages_of_other_fabrics(fabric, tmp_path):
+    """Of a third family, and of a law that has no certificate."""
+    flat = Surface(lambda x, y: (x, y, 0 * x), Disk())
+    result = ngcloth.solve(Scene(flat, fabric), maxh=1.0)
+    page = Reader(ngcloth.report(result, tmp_path / "page.html"))
+    (_, text), *_ = page.all("body")
+    assert ("stretch of family 3" in text) == isinstance(fabric, Families)
+    certified = isinstance(fabric, Families)
+    assert page.verdict()[1] == f"Converged {'and' if certified else 'but not'} certified:".replace(
+        "Converged but", "Converged, but"
+    )
+    assert ("there is no certificate" in text) != certified
+
+
+def test_the_page_draws_threads_where_they_run(tmp_path):
+    """Those of cloth that is turned by 90° are those of the other family."""
+    flat = Surface(lambda x, y: (x, y, 0 * x), Disk())
+    found = []
+    for angle in (0, 30, 90):
+        result = ngcloth.solve(Scene(flat, Turned(Net(ks=1.0), angle)), maxh=1.0)
+        page = Reader(ngcloth.report(result, tmp_path / "page.html"))
+        lines = np.reshape(page.cloth()["lines"], (-1, 3))[:, :2] / 1000
+        psi = result.psi(*plot.sample(result, RINGS)[0].T)
+        found.append(lines * plot.default_pitch(psi) @ np.linalg.pinv(psi).T)
+    for turn, angle in zip(found, np.radians((0, 30, 90)), strict=True):
+        c, s = np.cos(angle), np.sin(angle)
+        np.testing.assert_allclose(turn, [[c, s], [-s, c]], atol=1e-3)
 
 
 def test_cloth_is_the_hemisphere_with_its_threads(written):

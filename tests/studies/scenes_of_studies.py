@@ -20,3 +20,13 @@ def dome(ks, height=0.4, then="solve", notes=None):
         os.kill(os.getpid(), signal.SIGKILL)
     surface = ngcloth.Surface(lambda x, y: (x, y, height * (x**2 + y**2)), ngcloth.Disk())
     return ngcloth.Scene(surface, ngcloth.Net(ks=ks), [ngcloth.Elongation()], symmetric=True)
+
+
+def other_cloth(fabric):
+    """A flat disk in cloth that has three families, or no certificate."""
+    fabrics = {
+        "triaxial": ngcloth.Families((0, 60, 120)),
+        "bending": ngcloth.BendingThreads(ngcloth.Net(ks=1.0), 0.1),
+    }
+    flat = ngcloth.Surface(lambda x, y: (x, y, 0 * x), ngcloth.Disk())
+    return ngcloth.Scene(flat, fabrics[fabric])

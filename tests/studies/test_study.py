@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from studies.scenes_of_studies import SETTINGS, dome
+from studies.scenes_of_studies import SETTINGS, dome, other_cloth
 
 import ngcloth
 
@@ -187,6 +187,19 @@ def test_failures_are_rows_and_tried_again(tmp_path):
         study.load(0)
     study.run()
     assert begun(tmp_path)[0] == [1.0, -1.0, 1.0, 1.0, -1.0]
+
+
+def test_cases_of_any_fabric_are_kept(tmp_path):
+    """Of three families, and of a law that has no certificate."""
+    cases = [{"fabric": "triaxial"}, {"fabric": "bending"}]
+    study = ngcloth.study(other_cloth, cases, tmp_path, Here(), **SETTINGS)
+    assert [row["converged"] for row in study.table] == [True, True]
+    assert [row["certified"] for row in study.table] == [True, False]
+    assert study.table[1]["faults"].endswith("has no certificate")
+    assert "to do   0" in study.explain()
+    for number in (0, 1):
+        scene = other_cloth(**cases[number])
+        assert ngcloth.load(tmp_path / "cases" / study.keys[number] / "result", scene).converged
 
 
 def test_a_case_that_does_not_converge_is_kept_with_its_reason(tmp_path):

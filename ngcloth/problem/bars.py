@@ -35,7 +35,8 @@ def read(bars):
     if bars.keys() != UNKNOWN.keys():
         raise ValueError(f"error has other entries than {', '.join(UNKNOWN)}")
     found = {name: inf if bar == IN_WORDS else bar for name, bar in bars.items()}
+    found = {name: float(bar) if type(bar) is int else bar for name, bar in found.items()}
     for bar in found.values():
-        if not (bar is None or (isinstance(bar, float | int) and bar >= 0)):
+        if not (bar is None or (isinstance(bar, float) and bar >= 0)):
             raise ValueError("error is not of bars")
     return found

@@ -9,6 +9,7 @@ from ..errors import check_number
 
 RIM_SHARE = 0.04  # what the limits on the rim weigh in barriers, over those inside
 EDGE = 1e-9  # of a triangle: rounding
+MOST = 435  # points a triangle: a lattice of twice the highest order of ψ has no more
 
 
 class LimitPoints(NamedTuple):
@@ -34,6 +35,8 @@ class LimitPoints(NamedTuple):
         inside = (x >= -EDGE) & (y >= -EDGE) & (x + y <= 1 + EDGE)
         if not (np.all((numbers >= 0) & (numbers < triangles)) and inside.all()):
             raise ValueError("limit points lie outside the triangles")
+        if len(numbers) > MOST * triangles:
+            raise ValueError(f"there are more than {MOST} limit points a triangle")
 
     def joined(self, others):
         """These, and then others that are not among them, as of `LimitPoints`."""

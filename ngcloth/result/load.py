@@ -12,7 +12,7 @@ import numpy as np
 from netgen.occ import OCCGeometry
 
 from .. import scenes
-from ..errors import InputError, check_integer
+from ..errors import InputError, check_integer, check_number
 from ..geometry.file_surface import FileSurface, curvature_order
 from ..geometry.sheet import mesh_points, planar_mesh, sheet_through
 from ..problem.bars import UNKNOWN, read
@@ -241,6 +241,9 @@ def _check_settings(settings, scene):
         raise ValueError(f"its order is above {HIGHEST_ORDER}, or quadrature {HIGHEST_DEGREE}")
     if scene.in_equilibrium and check_integer("", settings["multiplier_order"], 1) > order:
         raise ValueError("its multiplier_order is larger than its order")
+    numbers = {"maxh", "accuracy"} & settings.keys()
+    for name in numbers | ({"barrier_end"} if scene.constraints else set()):
+        check_number(name, settings[name], 0)
 
 
 def _limit_points(fields):

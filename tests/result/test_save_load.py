@@ -338,6 +338,18 @@ def test_limit_points_are_optional(saved):
     assert not len(ngcloth.load(saved).limit_points.triangles)
 
 
+def test_more_limit_points_than_a_solve_asks(saved):
+    """Each would take kilobytes of a certificate."""
+
+    def edit(fields, record):
+        number = 435 * len(fields["triangles"]) + 1
+        fields["limit_triangles"] = np.zeros(number, dtype=int)
+        fields["limit_reference"] = np.full((number, 2), 0.25)
+
+    rewrite(saved, edit)
+    assert "limit points" in refused(saved, "fields.npz")
+
+
 def test_fields_of_another_result(saved, tmp_path):
     solved("Chebyshev").save(tmp_path / "other")
     shutil.copy(tmp_path / "other" / "fields.npz", saved)
@@ -465,6 +477,14 @@ def test_arrays_that_are_not_a_patch(edit, told, saved):
         (("settings", "order"), 10**9, "quadrature"),
         (("settings", "quadrature"), 1001, "quadrature 1000"),
         (("settings", "quadrature"), 1000, "points"),
+        (("settings", "accuracy"), "fine", "accuracy"),
+        (("settings", "accuracy"), None, "accuracy"),
+        (("settings", "barrier_end"), [1e-3], "barrier_end"),
+        (("settings", "barrier_end"), None, "barrier_end"),
+        (("settings", "maxh"), "small", "maxh"),
+        (("error", "energy"), 10**400, "int too large"),
+        (("error", "energy"), True, "not of bars"),
+        (("error", "energy"), -1.0, "not of bars"),
     ],
 )
 def test_numbers_that_are_not_of_this_patch(path, value, told, saved, monkeypatch):

@@ -9,7 +9,7 @@ import pytest
 from covering import covered
 
 import ngcloth
-from ngcloth import Disk, Elongation, Net, Rectangle, Scene, Surface, solve
+from ngcloth import Disk, Elongation, Net, Rectangle, Scene, ShearLimit, Surface, solve
 from ngcloth.output.planar import crossing
 from ngcloth.result import equilibrium, stationarity
 from ngcloth.result.between import Between
@@ -323,3 +323,18 @@ def test_a_long_law_has_the_certificate_of_the_short_one(degree):
     long = replace(result, scene=replace(result.scene, fabric=Long(degree))).certificate()
     for name in ("stress", "stationarity", "stationarity_richer", "curvature"):
         assert getattr(long, name) == pytest.approx(getattr(short, name), rel=1e-5), name
+
+
+def test_what_has_not_converged_says_what_is_missed():
+    """In words, in the log and in the error, whatever the limits are."""
+    dome = Surface(lambda x, y: (x, y, -1.5 * (x**2 + y**2)), Disk(1.0))
+    for limits, missed in (
+        ([], ()),
+        ([ShearLimit(0.05)], ("shear limit missed by",)),
+        ([Elongation(), ShearLimit(0.05)], ("elongation missed by", "shear limit missed by")),
+    ):
+        told, scene = [], Scene(dome, Net(ks=1.0), limits)
+        result = solve(scene, maxh=1.0, max_steps=3, log=told.append)
+        assert not result.converged and told[-1] == result.why
+        assert all(words in str(result) for words in missed)
+        assert ("missed by" in result.why) == bool(missed)

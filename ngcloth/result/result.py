@@ -21,6 +21,7 @@ from .history import Reason
 from .patch import Patch
 from .taken_away import TakenAway
 
+NO_ENERGY = 1e-11  # per area and stiffness: that of strains of 1e-6
 SIGNED = ("shear", "angle")  # fields whose sign a mirror turns over
 
 
@@ -290,6 +291,15 @@ class Result(TakenAway):
         return restored, (contents(self), self.scene if self.scene.recipe is None else None)
 
     @property
+    def falls_short(self):
+        """Whether the energy is not known as well as the solve was asked for."""
+        accuracy, bar = self.settings.get("accuracy"), self.error["energy"]
+        if accuracy is None:
+            return False
+        least = NO_ENERGY * self.scene.fabric.stiffness * self.area
+        return bar is None or bar > max(accuracy * abs(self.energy), least)
+
+    @property
     def why(self):
         """`reason` in words; if not converged, with what limits are missed by, and where."""
         from .certificate import check_limits
@@ -307,8 +317,8 @@ class Result(TakenAway):
         bar, unit = self.error["energy"], self.scene.normalisation
         energy = with_bar(f"{self.normalized_energy:.6e}", bar and bar / unit)
         area = with_bar(f"{self.area:.6f}", self.error["area"])
-        asked = self.settings.get("accuracy", np.inf)
-        short = bar is not None and bar > asked * abs(self.energy)
+        asked = self.settings.get("accuracy")
+        short = bar is not None and self.falls_short
         short = f"\n  the accuracy of {asked:g} that was asked for is not reached" if short else ""
         return (
             f"{self.scene.name}: {self.why}\n"

@@ -217,7 +217,7 @@ def solve(
         recorder.resume(whole)
         reason = run(whole, recorder, coarser, level)
         result = level() if reason is Reason.CONVERGED else outcome(reason)
-        while _falls_short(result) and run_finer(recorder) is Reason.CONVERGED:
+        while result.converged and result.falls_short and run_finer(recorder) is Reason.CONVERGED:
             result = level()
     except KeyboardInterrupt:
         if not recorder.restore():
@@ -232,14 +232,6 @@ def solve(
     if throw and not result.converged:
         raise SolveError(result)
     return result
-
-
-def _falls_short(result):
-    """Whether a finer mesh is asked for."""
-    accuracy, bar = result.settings.get("accuracy"), result.error["energy"]
-    if accuracy is None or not result.converged:
-        return False
-    return bar is None or bar > accuracy * abs(result.energy)
 
 
 def minima(scene, starts, **settings):

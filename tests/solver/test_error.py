@@ -112,6 +112,14 @@ def test_flat_panels_are_resolved():
     assert abs(result.area - np.pi) < result.error["area"] < 1e-3
 
 
+def test_accuracy_of_an_energy_of_zero_is_reached():
+    """No mesh makes the bar smaller than a part of it."""
+    flat = Scene(Surface(lambda x, y: (x, y, 0 * x), Disk(1.0)), Net(ks=1.0), [Elongation()])
+    result = solve(flat, maxh=0.3, accuracy=1e-2)
+    assert result.converged and result.settings["maxh"] == 0.3
+    assert "is not reached" not in str(result)
+
+
 # The barrier does not show -------------------------------------------------------------------
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..scenes import NAMED
+from .cases import checked_study_settings
 from .study import Study
 
 SUMMARY = "Solve many cases, from a TOML file; call again to go on."
@@ -81,7 +82,7 @@ def run(arguments, say):
         warm=arguments.warm,
         part=part,
         log=None if arguments.quiet else _progress(say),
-        **settings,
+        **checked_study_settings(settings),
     )
     if arguments.explain:
         say(study.explain())
@@ -155,6 +156,8 @@ def _function(name, folder):
     if str(folder) not in sys.path:  # which other processes are given, too
         sys.path.insert(0, str(folder))
     module, _, function = name.partition(":")
+    if not all(part.isidentifier() for part in module.split(".")):
+        raise InputError("scene", name, allowed)
     try:
         return getattr(import_module(module), function)
     except (ImportError, AttributeError) as error:
@@ -172,9 +175,17 @@ def _rows(path):
     """The rows of a CSV file; cells that read as JSON are numbers, truth values or lists."""
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
-            return [{n: _value(cell) for n, cell in row.items()} for row in csv.DictReader(file)]
+            lines = [(number, row) for number, row in enumerate(csv.reader(file), 1) if row]
     except (OSError, ValueError, csv.Error) as error:
         raise InputError("cases", str(path), f"a CSV file ({error})") from error
+    names = lines[0][1] if lines else []
+    if len(set(names)) < len(names):
+        raise InputError("cases", ",".join(names), f"different names at the head of {path.name}")
+    for number, row in lines:
+        if len(row) != len(names):
+            allowed = f"{len(names)} cells separated by commas, as at the head"
+            raise InputError(f"cases, line {number} of {path.name}", ",".join(row), allowed)
+    return [dict(zip(names, map(_value, row), strict=True)) for _, row in lines[1:]]
 
 
 def _value(cell):

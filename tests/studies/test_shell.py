@@ -92,6 +92,9 @@ def test_cases_are_a_list_a_grid_or_a_table(toml):
         ("scene", 'scene = "hemispheres"\ncases = [{ks = 1.0}]'),
         ("scene", 'scene = "bowls:bowls"\ncases = [{ks = 1.0}]'),
         ("scene", 'scene = "nowhere:bowl"\ncases = [{ks = 1.0}]'),
+        ("scene", 'scene = ":bowl"\ncases = [{ks = 1.0}]'),
+        ("scene", 'scene = ".bowls:bowl"\ncases = [{ks = 1.0}]'),
+        ("log", 'scene = "hemisphere"\ncases = [{ks = 1.0}]\n[settings]\nlog = 1'),
         ("scene", "scene = 1\ncases = [{ks = 1.0}]"),
         ("grid", 'scene = "hemisphere"\n[grid]\nks = 1.0'),
         ("cases", 'scene = "hemisphere"\ncases = "none.csv"'),
@@ -108,6 +111,23 @@ def test_files_that_say_something_else(argument, text, toml, capsys):
     complaint = capsys.readouterr().err
     assert complaint.startswith("ngcloth: " + argument.replace("\\", "") + " = ")
     assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("argument", "text"),
+    [
+        ("cases = 'ks,ks'", "ks,ks\n1,2\n"),
+        ("cases, line 2 of cases.csv = '1,5'", "ks\n1,5\n"),
+        ("cases, line 3 of cases.csv = '1'", "ks,height\n1,2\n1\n"),
+        ("cases = []", ""),
+    ],
+)
+def test_tables_whose_rows_do_not_fit(argument, text, toml, capsys):
+    """Two columns of one name, decimal commas, cells that are missing, or nothing."""
+    (toml.parent / "cases.csv").write_text(text)
+    toml.write_text('scene = "hemisphere"\ncases = "cases.csv"')
+    assert cli.main(["study", str(toml), "--out", str(toml.parent / "out")]) == 2
+    assert capsys.readouterr().err.startswith(f"ngcloth: {argument}")
 
 
 def test_other_mistakes_at_the_shell(toml, tmp_path, capsys):

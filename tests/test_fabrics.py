@@ -383,6 +383,14 @@ def test_angles_of_a_fabric_of_ones_own_are_checked():
     assert error.value.argument == "fabric.angles"
 
 
+def test_threads_that_bend_leave_the_hoop_without_limits():
+    """Along the hoop is stationary, and costs B/2R² per area; at 45° it is half of that."""
+    tube = Surface(lambda x, y: (ngs.sin(x), y, ngs.cos(x)), Disk())
+    fabric = BendingThreads(Net(kc=100.0, ks=100.0), 1.0)
+    result = ngcloth.solve(ngcloth.Scene(tube, fabric), maxh=0.4)
+    assert result.converged and result.energy == pytest.approx(np.pi / 4, rel=5e-3)
+
+
 def domed(X1, X2):
     """The stretches of the plane by which the sphere covers it stereographically."""
     growth = 2 / (1 + X1**2 + X2**2)

@@ -1,9 +1,11 @@
 """One scene on ever finer meshes: each patch is a start for the next."""
 
+import numpy as np
+
 from ..energy.lagrangian import Lagrangian
 from ..errors import InputError
 from ..result.history import Reason
-from .interior_point import interior_point
+from .interior_point import GAIN, interior_point
 from .meshes import COARSER, make_sheets
 from .net_choice import chosen_net
 from .saddle_flow import saddle_flow
@@ -11,6 +13,7 @@ from .settings import FLOWS, LINEARISATIONS
 from .size import check_memory
 
 PAPERS_END = 1e-3  # of the paper's barrier, by default
+TURNS = np.pi / 8 * np.arange(1, 8)  # by half a turn threads lie as before
 
 
 def discretised(scene, sheet, settings):
@@ -72,7 +75,27 @@ def run(problem, recorder, coarser, solved):
     flow = FLOWS[settings["schedule"]]
     if scene.tie_break:
         return chosen_net(problem, recorder, flow, tolerance)
-    return flow(problem, recorder, "flow", tolerance)
+    reason = flow(problem, recorder, "flow", tolerance)
+    while reason is Reason.CONVERGED and not scene.symmetric and _turn(problem):
+        reason = flow(problem, recorder, "flow", tolerance)
+    return reason
+
+
+def _turn(problem):
+    """Turn the patch in its plane, if that lowers the cost; whether it does.
+
+    A patch along the mirrors of surface and fabric is stationary, and the net may want to turn by
+    so little force that no curvature tells: by how much the cost falls on the way does.
+    """
+    given, before = problem.unknowns.copy(), problem.cost()
+    best, kept = before - GAIN * abs(before), given
+    for angle in TURNS:
+        c, s = np.cos(angle), np.sin(angle)
+        problem.unknowns[:] = np.ravel(np.array([[c, -s], [s, c]]) @ given.reshape(2, -1))
+        if problem.cost() < best:
+            best, kept = problem.cost(), problem.unknowns.copy()
+    problem.unknowns[:] = kept
+    return kept is not given
 
 
 def run_finer(recorder):

@@ -307,10 +307,10 @@ def _stretches(limit, between):
     """1 − 1/λ of all families, proven."""
     square, degree = between.area_square, between.degree
     kept = 1 - between.error  # of a square, at least
-    checks = []
+    squares, checks = _on_lattice(square, degree), []
     for number, line in enumerate(between.lines, start=1):
         above = between.product(line, line)
-        stretches = np.sqrt(_on_lattice(above, degree) / _on_lattice(square, degree))
+        stretches = np.sqrt(_on_lattice(above, degree) / squares)
         enough = max((1 - LIMIT) ** 2 / kept, (stretches.min() - SHARP) ** 2)
         ratio, _ = least_ratio(above, square, degree, enough)
         stretch, values = float(np.sqrt(max(ratio * kept, 1e-300))), 1 - 1 / stretches

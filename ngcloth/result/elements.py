@@ -157,6 +157,17 @@ def assembled(size, rows, columns, values):
     return coo_matrix((values, (rows, columns)), shape=(size, size)).tocsc()
 
 
+def restricted(chosen, *matrices):
+    """Rows and columns of matrices that have the same entries, all in one go."""
+    from scipy.sparse import csc_matrix
+
+    first = matrices[0]
+    numbers = csc_matrix((np.arange(first.nnz), first.indices, first.indptr), first.shape)
+    numbers = numbers[chosen][:, chosen]
+    places = numbers.indices, numbers.indptr
+    return [csc_matrix((each.data[numbers.data], *places), numbers.shape) for each in matrices]
+
+
 def factorised(matrix):
     """SciPy's LU of a symmetric matrix with pivots from its diagonal alone, in its order: LDLᵀ.
 
@@ -174,3 +185,14 @@ def factorised(matrix):
 def negative_pivots(factors):
     """How many eigenvalues of a factorised symmetric matrix are negative (Sylvester's law)."""
     return int((factors.U.diagonal() < 0).sum())
+
+
+def parts_of_square(matrix, load):
+    """bᵀA⁻¹b of a positive definite matrix, as a sum of one part ≥ 0 for each unknown, (n,).
+
+    With A = LDLᵀ they are (L⁻¹b)²/D: those of the first unknowns sum up to what these give alone.
+    """
+    factors, turned = factorised(matrix), np.empty(len(load))
+    turned[factors.perm_c] = factors.solve(load)
+    upper = factors.U  # D Lᵀ
+    return ((upper @ turned) ** 2 / upper.diagonal())[factors.perm_c]

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..problem.fabric import of_place
 from . import changes
-from .elements import Space, assembled, factorised
+from .elements import Space, assembled, parts_of_square
 
 LITTLE = 1e-2  # of the mean square of ψ, over the area, in the norm
 FINER = 4  # degrees by which the integration rule is richer than the solver's
@@ -32,14 +32,11 @@ def forces(patch):
     """Dual norms of the force over kc, on the cloth inside the rim and with the rim included."""
     points, order = patch.by_rule(patch.degree + FINER), patch.order + 1
     space, flat = Space(patch.triangles, order), points.flat_areas()
-    density, slopes, bends, _ = points.law()
-    firsts, seconds = (
-        np.concatenate([change(tensor) for tensor in points.pushed_tensors], axis=1)
-        for change in (changes.first, changes.second)
-    )
+    density, slopes = points.law(1)
+    firsts = np.concatenate([changes.first(tensor) for tensor in points.pushed_tensors], axis=1)
     n = firsts.shape[1]
-    by_z = changes.chained(slopes[:, :n], bends[:, :n, :n], firsts, seconds)
-    stress, _ = changes.with_area(density, *by_z)
+    by_z = np.einsum("na,nai->ni", slopes[:, :n], firsts)
+    stress, _ = changes.with_area(density, by_z, 0.0)
     loads = points.loads(order, flat.reshape(-1, 1) * stress)
     if of_place(patch.scene.fabric):
         by_place = flat[:, :, None] * slopes[:, n:].reshape(*points.shape, 2)
@@ -47,24 +44,28 @@ def forces(patch):
         loads += pulls.reshape(loads.shape)
     force = np.bincount(space.pairs.ravel(), loads.ravel(), 2 * space.ndof)
 
-    blocks = points.blocks(order, order, flat.reshape(-1, 1, 1) * points.seminorm())
-    functions, areas = points.functions_of(order), points.areas()
-    weighted = (LITTLE / areas.sum() * areas)[:, :, None] * functions
-    mass = functions.swapaxes(1, 2) @ weighted
-    n = space.dofs.shape[1]
-    for part in (slice(0, n), slice(n, 2 * n)):
-        blocks[:, part, part] += mass
-    rows, columns = np.repeat(space.pairs, 2 * n, axis=1), np.tile(space.pairs, (1, 2 * n))
-    norm = assembled(2 * space.ndof, rows.ravel(), columns.ravel(), blocks.ravel())
-
+    rim = space.on("rim")
+    numbers = np.lexsort((space.ranks, rim))  # what goes before the rim does not feel it
+    place = np.argsort(numbers)[space.dofs]
+    n = place.shape[1]
+    rows, columns = np.repeat(place, n, axis=1), np.tile(place, (1, n))
+    norm = assembled(space.ndof, rows.ravel(), columns.ravel(), _norm(points, order).ravel())
     mirrors = [("mirror1",), ("mirror2",)] if patch.scene.symmetric else [(), ()]
-    free = [~space.on(*mirror) for mirror in mirrors]
-    inside = [~space.on("rim", *mirror) for mirror in mirrors]
+    inside = whole = 0.0
+    for component, mirror in zip(force.reshape(2, -1), mirrors, strict=True):
+        free = np.flatnonzero(~space.on(*mirror)[numbers])
+        parts = parts_of_square(norm[free][:, free], component[numbers[free]])
+        inside += parts[~rim[numbers[free]]].sum()
+        whole += parts.sum()
+    return np.sqrt(inside), np.sqrt(whole)
 
-    def dual_norm(free):
-        free = np.flatnonzero(np.concatenate(free))
-        free = free[np.argsort(np.tile(space.ranks, 2)[free], kind="stable")]
-        square = force[free] @ factorised(norm[free][:, free]).solve(force[free])
-        return np.sqrt(max(square, 0.0))
 
-    return dual_norm(inside), dual_norm(free)
+def _norm(points, order):
+    """The square of the norm, of each component alike: blocks of the groups, (groups, n, n)."""
+    flat, areas = points.flat_areas(), points.areas()
+    functions, slopes = points.functions_of(order), points.shapes(order)
+    tensors = (flat.reshape(-1, 1, 1) * points.seminorm()[:, :2, :2]).reshape(*flat.shape, 2, 2)
+    flux, shape = tensors @ slopes, (len(flat), -1, slopes.shape[-1])
+    blocks = slopes.reshape(shape).swapaxes(1, 2) @ flux.reshape(shape)
+    weights = LITTLE / areas.sum() * areas
+    return blocks + functions.swapaxes(1, 2) @ (weights[:, :, None] * functions)

@@ -245,13 +245,13 @@ class Points:
         functions = self.functions_of(self.patch.order)
         return (functions @ self.patch.psi[self.triangles].swapaxes(1, 2)).reshape(-1, 2)
 
-    def law(self):
-        """W and its derivatives up to the third, over kc: by C, and then by K and X, if felt."""
+    def law(self, highest):
+        """W and its derivatives up to an order, over kc: by C, and then by K and X, if felt."""
         fabric, felt = self.patch.scene.fabric, list(self.pushed_tensors)
         if of_place(fabric):
             felt.append(self.place)
         numbers = self.table.variables(np.concatenate(felt, axis=1))
-        tensors = self.table.derivatives([fabric.energy(*numbers)], numbers, 3)
+        tensors = self.table.derivatives([fabric.energy(*numbers)], numbers, highest)
         return [tensor[:, 0] / fabric.stiffness for tensor in tensors]
 
 

@@ -8,7 +8,7 @@ from ..geometry.nearest import nearest_on_sheet
 from ..problem.cost_size import cost_size
 from ..problem.warp import parameter_direction
 from . import changes
-from .elements import Space, assembled, factorised, negative_pivots
+from .elements import Space, assembled, factorised, negative_pivots, restricted
 from .lanczos import lanczos
 from .patch import Points
 
@@ -34,7 +34,7 @@ class StationaryPoint:
     def __init__(self, patch, settings):
         self.patch, self.scene = patch, patch.scene
         self.degree = settings.get("multiplier_order")  # of v
-        self.size = cost_size(self.scene)
+        self.size, self._systems = cost_size(self.scene), {}
         self.mu = self.size * settings.get("barrier_end", 0.0)
         self.inside = patch.inside
         self.flat_areas = self.inside.flat_areas().ravel()
@@ -69,8 +69,8 @@ class StationaryPoint:
 
     @cached_property
     def law(self):
-        """W and its derivatives by C, see `Points.law`."""
-        return self.inside.law()
+        """W and its derivatives by C up to the third, see `Points.law`."""
+        return self.inside.law(3)
 
     @cached_property
     def stress(self):
@@ -121,13 +121,19 @@ class StationaryPoint:
             "barrier_share": float(share),
         }
 
+    def system(self, order):
+        """The `System` of an order."""
+        if order not in self._systems:
+            self._systems[order] = System(self, order)
+        return self._systems[order]
+
     def remainder(self, order):
         """The least of |dL|² + Σ ∫ (c z − μ)² dA over all v and z, its root per √area; and v.
 
         The first norm is dual to the H¹ seminorm over ψ of that order. With z = μ/c + ∇c·w/c² the
         solution w is what would have to be gained: c z alone may be off by μ at the solver's end.
         """
-        system = System(self, order)
+        system = self.system(order)
         force = system.load(self.inside, self.flat_areas[:, None] * self.cost[1])
         tangents = [self.flat_areas[:, None, None] * self.inside.seminorm(), 0.0]
         for number, limits in enumerate(self.limits):
@@ -169,6 +175,8 @@ class System:
         if point.scene.in_equilibrium:
             self._v = Space(patch.triangles, point.degree)
             self.size += 2 * self._v.ndof
+        ranks = [space.ranks for space in (self._space, self._v) if space for _ in (0, 1)]
+        self._order = np.argsort(np.concatenate(ranks), kind="stable")
 
     def v_by_triangle(self, v):
         """Coefficients of v, (triangles, 2, n)."""
@@ -184,7 +192,8 @@ class System:
         """The matrix of forms by Z at the points inside and those beside, (n, 4, 4), weighted.
 
         With it comes, `coupled` times, the derivative of dE[v] by ψ and v, both ways round. All
-        matrices have the same entries, some of them zero.
+        matrices have the same entries, some of them zero; rows are those of unknowns as they are
+        eliminated.
         """
         point, order = self._point, self._space.order
         blocks = point.inside.blocks(order, order, inside)
@@ -206,10 +215,11 @@ class System:
     @cached_property
     def _places(self):
         """Rows and columns of all entries."""
-        psi = self._space.pairs
+        place = np.argsort(self._order)
+        psi = place[self._space.pairs]
         pairs = [(psi, psi)]
         if self._v is not None:
-            v = self.psi.stop + self._v.pairs
+            v = place[self.psi.stop + self._v.pairs]
             pairs.append((psi, v))
         rows = [np.repeat(rows, columns.shape[1], axis=1).ravel() for rows, columns in pairs]
         columns = [np.tile(columns, (1, rows.shape[1])).ravel() for rows, columns in pairs]
@@ -217,7 +227,7 @@ class System:
         return np.concatenate([*rows, *columns[1:]]), np.concatenate([*columns, *rows[1:]])
 
     def free(self, flips=(0, 0)):
-        """The unknowns to solve for, as they are eliminated.
+        """The unknowns to solve for, as they are eliminated, and their rows in a `matrix`.
 
         Of a component held nowhere all but one vertex are.
 
@@ -232,9 +242,8 @@ class System:
                 held.append(space.on(*rim, *(odd if self._point.scene.symmetric else ())))
                 if not held[-1].any():
                     held[-1][0] = True
-        free = np.flatnonzero(~np.concatenate(held))
-        ranks = np.concatenate([s.ranks for s in (self._space, self._v) if s for _ in (0, 1)])
-        return free[np.argsort(ranks[free], kind="stable")]
+        rows = np.flatnonzero(~np.concatenate(held)[self._order])
+        return self._order[rows], rows
 
     def factorised(self, matrix, free):
         """Factors of a matrix of the free unknowns, with a little on the diagonal of v.
@@ -263,8 +272,8 @@ class System:
 
     def solved(self, matrix, load):
         """The solution, zero where it is not free."""
-        free, solution = self.free(), np.zeros(self.size)
-        matrix = matrix[free][:, free]
+        (free, rows), solution = self.free(), np.zeros(self.size)
+        matrix = matrix[rows][:, rows]
         solution[free] = refined(self.factorised(matrix, free), matrix, load[free])
         return solution
 
@@ -274,11 +283,15 @@ class Factors:
 
     def __init__(self, factors, normal):
         self._factors, self._normal = factors, normal
-        self.negative = negative_pivots(factors)
         if normal is not None:
             self._response = factors.solve(normal)
             self._compliance = normal @ self._response
-            self.negative -= self._compliance < 0
+
+    @property
+    def negative(self):
+        """How many eigenvalues are negative."""
+        held = self._normal is not None and self._compliance < 0
+        return negative_pivots(self._factors) - held
 
     def solve(self, load):
         """The solution of a system."""
@@ -307,7 +320,7 @@ class Pencil:
     """
 
     def __init__(self, point, v):
-        self._point, self.system = point, System(point, point.patch.order)
+        self._point, self.system = point, point.system(point.patch.order)
         inside, system, weights = point.inside, self.system, point.flat_areas[:, None, None]
         tangents = [weights * point.cost[2], 0.0]
         if v.size:
@@ -332,9 +345,8 @@ class Pencil:
         It is about a shift below all: eigenvalues below the shift would show as pivots. Then the
         shift moves down.
         """
-        free, _, shift, factors = self._own if flips == (0, 0) else self._shifted(flips)
-        norm = self.norm[free][:, free]
-        values, _ = lanczos(factors.solve, lambda x: norm @ x, len(free))
+        _, _, norm, shift, factors = self._own if flips == (0, 0) else self._shifted(flips)
+        values, _ = lanczos(factors.solve, lambda x: norm @ x, norm.shape[0])
         return float(shift + 1 / values[-1])
 
     @cached_property
@@ -342,21 +354,21 @@ class Pencil:
         return self._shifted((0, 0))
 
     def _shifted(self, flips):
-        """The free unknowns, H on them, the shift, and factors of H less that times M."""
-        free = self.system.free(flips)
-        hessian, norm = (matrix[free][:, free] for matrix in (self.hessian, self.norm))
+        """The free unknowns, H and M on them, the shift, and factors of H less that times M."""
+        free, rows = self.system.free(flips)
+        hessian, norm = restricted(rows, self.hessian, self.norm)
         held = int((free >= self.system.psi.stop).sum())
         shift, shifted = -FLAT * self._point.stress, hessian.copy()
         while True:
             shifted.data = hessian.data - shift * norm.data
             factors = self.system.factorised(shifted, free)
             if factors.negative <= held:
-                return free, hessian, shift, factors
+                return free, hessian, norm, shift, factors
             shift *= 4
 
     def _step(self, force):
         """The change of ψ, in equilibrium, that H takes to a force."""
-        free, hessian, _, factors = self._own
+        free, hessian, _, _, factors = self._own
         step = np.zeros(self.system.size)
         step[free] = refined(factors, hessian, force[free])
         return step
@@ -379,8 +391,8 @@ class Pencil:
         share : float
             What the cost would fall by without the barrier, over itself.
         """
-        change = self._point.mu * self._step(self._barrier)
-        strain = float(np.sqrt(change @ (self.norm @ change) / self._point.area))
+        change, (free, _, norm, _, _) = self._point.mu * self._step(self._barrier), self._own
+        strain = float(np.sqrt(change[free] @ (norm @ change[free]) / self._point.area))
         return strain, abs(self._cost_force() @ change) / self._cost_size()
 
     def _cost_force(self):

@@ -7,13 +7,14 @@ import ngsolve as ngs
 import numpy as np
 import pytest
 from covering import covered
+from scipy.sparse import csc_matrix
 
 import ngcloth
 from ngcloth import Disk, Elongation, Net, Rectangle, Scene, ShearLimit, Surface, solve
 from ngcloth.output.planar import crossing
-from ngcloth.result import equilibrium, stationarity
+from ngcloth.result import elements, stationarity
 from ngcloth.result.between import Between
-from ngcloth.result.elements import factorised
+from ngcloth.result.elements import factorised, parts_of_square
 from ngcloth.result.patch import Patch
 from ngcloth.result.stationarity import Pencil, StationaryPoint
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
@@ -124,7 +125,7 @@ def test_a_stress_that_the_barrier_makes(weight, sound):
 
 @pytest.mark.parametrize("name, most", [("chebyshev", 7), ("hemisphere", 9)])
 def test_few_factorisations_and_no_symbolic_form(name, most, monkeypatch):
-    """Two norms of equilibrium, both orders of stationarity, each symmetry of the curvature, one of
+    """A norm of equilibrium for each component, both orders of stationarity, each symmetry of the curvature, one of
     them twice: where it is negative."""
     result, count = solved(name), []
 
@@ -132,11 +133,21 @@ def test_few_factorisations_and_no_symbolic_form(name, most, monkeypatch):
         count.append(matrix.shape)
         return factorised(matrix)
 
-    for module in (stationarity, equilibrium):
+    for module in (stationarity, elements):
         monkeypatch.setattr(module, "factorised", counted)
     monkeypatch.delattr(ngs, "BilinearForm")
     monkeypatch.delattr(ngs, "LinearForm")
     assert result.certificate().certified and len(count) <= most
+
+
+def test_the_first_unknowns_alone_have_the_energy_of_their_parts():
+    draw = np.random.default_rng(0)
+    factor, load = np.triu(draw.random((12, 12)) < 0.3) + np.eye(12), draw.random(12)
+    matrix = factor.T @ factor
+    parts = parts_of_square(csc_matrix(matrix), load)
+    for n in (5, 12):
+        alone = load[:n] @ np.linalg.solve(matrix[:n, :n], load[:n])
+        assert parts[:n].sum() == pytest.approx(alone, rel=1e-12)
 
 
 def test_folded():
@@ -222,9 +233,9 @@ def test_curvature_against_dense_algebra(make, maxh, flips):
     result = solve(make(), maxh=maxh)
     point = StationaryPoint(Patch(result), result.settings)
     pencil = Pencil(point, point.remainder(2)[1])
-    free = pencil.system.free(flips)
+    free, rows = pencil.system.free(flips)
     on_psi = free < pencil.system.psi.stop
-    whole, norm = (m[free][:, free].toarray() for m in (pencil.hessian, pencil.norm))
+    whole, norm = (m[rows][:, rows].toarray() for m in (pencil.hessian, pencil.norm))
     assert np.abs(whole - whole.T).max() < 1e-9 * np.abs(whole).max()
     _, singular, directions = np.linalg.svd(whole[np.ix_(~on_psi, on_psi)])
     assert singular.min() > 1e-6

@@ -125,8 +125,8 @@ def test_a_stress_that_the_barrier_makes(weight, sound):
 
 @pytest.mark.parametrize("name, most", [("chebyshev", 7), ("hemisphere", 9)])
 def test_few_factorisations_and_no_symbolic_form(name, most, monkeypatch):
-    """A norm of equilibrium for each component, both orders of stationarity, each symmetry of the curvature, one of
-    them twice: where it is negative."""
+    """A norm of equilibrium for each component, both orders of stationarity, each symmetry of the
+    curvature, one of them twice: where it is negative."""
     result, count = solved(name), []
 
     def counted(matrix):

@@ -70,6 +70,7 @@ def folder(tmp_path, monkeypatch):
 
     @functools.wraps(solve)
     def coarse(scene, maxh=None, **settings):
+        settings = {"order": 2} | settings | {"accuracy": None}
         return solve(scene, scene.surface.diameter / PER_DIAMETER, **settings)
 
     for module in (ngcloth, cli):

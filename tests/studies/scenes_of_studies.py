@@ -6,7 +6,7 @@ from pathlib import Path
 
 import ngcloth
 
-SETTINGS = {"maxh": 0.6}
+SETTINGS = {"maxh": 1.0, "order": 2}
 
 
 def dome(ks, height=0.4, then="solve", notes=None):

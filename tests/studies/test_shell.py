@@ -21,7 +21,8 @@ STUDY = """
 scene = "bowls:bowl"
 cases = [{ks = 1.0}, {ks = 3.0, height = 0.3}, {ks = -1}]
 [settings]
-maxh = 0.6
+maxh = 1.0
+order = 2
 """
 
 
@@ -67,7 +68,7 @@ def test_progress_is_one_line_on_a_terminal(toml, capsys, monkeypatch):
 
 def test_cases_are_a_list_a_grid_or_a_table(toml):
     make, cases, settings = read(toml)
-    assert make.__name__ == "bowl" and settings == {"maxh": 0.6}
+    assert make.__name__ == "bowl" and settings == {"maxh": 1.0, "order": 2}
     assert cases == [{"ks": 1.0}, {"ks": 3.0, "height": 0.3}, {"ks": -1}]
     toml.write_text('scene = "hemisphere"\n[grid]\nks = [0.0, 1.0]\nsymmetric = [true, false]')
     make, cases, _ = read(toml)

@@ -16,7 +16,9 @@ def test_cases_are_spread_over_six_decades_and_two_surfaces():
     assert sum(case["surface"] == "hemicatenoid" for case in cases) == 100
 
 
-@pytest.mark.parametrize("surface", ["hemisphere", "hemicatenoid"])
+@pytest.mark.parametrize(
+    "surface", ["hemisphere", pytest.param("hemicatenoid", marks=pytest.mark.slow)]
+)
 def test_bars_contain_the_energies_on_a_finer_mesh(surface):
     scene = demo.make_scene(surface, 10.0)
     coarse = ngcloth.solve(scene, **demo.SETTINGS)

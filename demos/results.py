@@ -60,8 +60,7 @@ def cases():
         found[f"hemicatenoid, ks/kc = {ks}"] = scenes.hemicatenoid(ks), 0.075
     found["dome, ks/kc = 10"] = MORE["dome, ks = 10"](), 0.04
     for p in PORTIONS:
-        # Beyond, the finer mesh uses up the steps.
-        maxh = 0.04 if p <= 0.8 else None
+        maxh = None if p == 0.85 else 0.04  # where the finer mesh uses up the steps
         found[f"sphere, p = {p}"] = scenes.sphere(p, shear_limit=SHEAR_LIMIT), maxh
     for ks in (1, 70, 100):
         found[f"obstacle, ks/kc = {ks}"] = obstacle.scene(ks), None

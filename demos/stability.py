@@ -50,6 +50,13 @@ COLUMNS = (
 ).split()
 STEEP = 3  # growth of Newton steps over an axis from which on IPOPT solves its rows, too
 PEER_SECONDS = 300  # limit of a row for IPOPT
+PEER_TEXT = (
+    f"IPOPT, on the same discrete problem, solves the rows of axes with a growth of {STEEP} or "
+    "more that have limits, at any order; not those of `barrier_end`, as it always goes to the optimum, "
+    "where ngcloth ends at a barrier of 1e-4. It has ngcloth's points, added ones included, from "
+    "its first step."
+)
+NO_PEER = "IPOPT's columns are empty: this run was without it."
 WRONG = ("folded", "not stationary", "the rim meets itself", "not finite")
 
 
@@ -298,10 +305,7 @@ def page(rows):
     ]
     lines += [
         "",
-        f"IPOPT, on the same discrete problem, solves the rows of axes with a growth of {STEEP} or "
-        "more that have limits, at any order; not those of `barrier_end`, as it always goes to the "
-        "optimum, where ngcloth ends at a barrier of 1e-4. It has ngcloth's points, added ones "
-        "included, from its first step.",
+        PEER_TEXT if any(row["ipopt_steps"] for row in rows) else NO_PEER,
     ]
     lines += ["", "## All rows", ""]
     head = (

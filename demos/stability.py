@@ -52,9 +52,9 @@ STEEP = 3  # growth of Newton steps over an axis from which on IPOPT solves its 
 PEER_SECONDS = 300  # limit of a row for IPOPT
 PEER_TEXT = (
     f"IPOPT, on the same discrete problem, solves the rows of axes with a growth of {STEEP} or "
-    "more that have limits, at any order; not those of `barrier_end`, as it always goes to the optimum, "
-    "where ngcloth ends at a barrier of 1e-4. It has ngcloth's points, added ones included, from "
-    "its first step."
+    "more that have limits, at any order; not those of `barrier_end`, as it always goes to the "
+    "optimum, where ngcloth ends at a barrier of 1e-4. It has ngcloth's points, added ones "
+    "included, from its first step."
 )
 NO_PEER = "IPOPT's columns are empty: this run was without it."
 WRONG = ("folded", "not stationary", "the rim meets itself", "not finite")

@@ -4,7 +4,8 @@ A constrained scene on a mesh is a nonlinear program,
 
     minimise    E(ψ) = Σ w J W                  over the free degrees of freedom of ψ
     subject to  dE(ψ)[v] = 0                    for every free basis function v
-                c(θ_q) ≥ 0                      for every slack c at every point of ngcloth's.
+                c(θ_q) ≥ 0                      for every slack c at every point of ngcloth's:
+                                                those of its rules, and any that its solve added.
 
 Here IPOPT solves it, from the scene's start on ngcloth's mesh, spaces and points: exact first and
 second derivatives, adaptive barrier, kernels in compiled C where there is a compiler.
@@ -29,7 +30,7 @@ import numpy as np
 
 import ngcloth
 from ngcloth.energy.closed_form import ClosedFormLagrangian
-from ngcloth.energy.sampling import RimPoints, Sampling
+from ngcloth.energy.sampling import AddedPoints, RimPoints, Sampling
 from ngcloth.errors import InputError
 from ngcloth.result.history import Reason
 from ngcloth.result.result import Result
@@ -67,10 +68,13 @@ class Outcome:
         return seconds[min(np.flatnonzero(np.r_[True, away])[-1], len(away) - 1)]
 
 
-def solve_with_ipopt(scene, maxh, order=2, multiplier_order=None, quadrature=None, **ipopt):
+def solve_with_ipopt(
+    scene, maxh, order=2, multiplier_order=None, quadrature=None, added=None, **ipopt
+):
     """Solve a constrained scene by IPOPT, `ipopt` being options beyond or instead of `IPOPT`.
 
-    Other arguments are those of `ngcloth.solve`. The fabric must be written in plain arithmetic,
+    `added` is the `limit_points` of a `Result` on the same mesh, to ask limits there as well. Other
+    arguments are those of `ngcloth.solve`. The fabric must be written in plain arithmetic,
     as `ngcloth.Net` is. Returns an `Outcome`; the seconds and steps of its result are IPOPT's.
     """
     if not scene.constraints:
@@ -79,6 +83,8 @@ def solve_with_ipopt(scene, maxh, order=2, multiplier_order=None, quadrature=Non
     settings = {"maxh": maxh, "order": order, "multiplier_order": multiplier_order or order}
     settings["quadrature"] = quadrature or 2 * order + 2
     problem = discretise(scene, **settings)
+    if added is not None:
+        problem.add_limit_points(added)
     program = Program(problem, settings["quadrature"])
     watch = Watch(program)
     options = {"ipopt": {"print_level": 0, "sb": "yes", **IPOPT, **ipopt}}
@@ -139,8 +145,8 @@ class Cloth:
         inverse = ca.adj(gradient) / self.jacobian
         green, bent = (inverse.T @ tensor @ inverse for tensor in (metric, curvature))
         self.I4, self.I6, self.I8 = green[0, 0], green[1, 1], green[0, 1]
-        self.stretch1, self.stretch2 = ca.sqrt(self.I4), ca.sqrt(self.I6)
-        self.shear = self.I8 / ca.sqrt(self.I4 * self.I6)
+        self.stretches = ca.sqrt(self.I4), ca.sqrt(self.I6)
+        self.shears = (self.I8 / ca.sqrt(self.I4 * self.I6),)
         invariants = ca.SX.sym("invariants", 3)
         energy = fabric.energy(*ca.vertsplit(invariants))
         law = ca.Function("law", [invariants], [energy, ca.gradient(energy, invariants)])
@@ -202,13 +208,16 @@ class Program:
         self.unknowns, multipliers = free[free < last], free[free >= last]
         state = problem.unknowns.copy()
         self.start, state[self.unknowns] = state[self.unknowns], 0.0
-        # Points on the rim weigh nothing: limits are all they have.
-        inside, on_rim = problem.points, RimPoints(problem.state.space.mesh, quadrature)
-        psi = at_points(problem.fes, (inside, on_rim), (0, 1))
-        v = at_points(problem.fes, (inside, on_rim), (2, 3))
+        # Other points than those inside weigh nothing: limits are all they have.
+        inside, mesh = problem.points, problem.state.space.mesh
+        others = [RimPoints(mesh, quadrature)]
+        if len(problem.limit_points.triangles):
+            others.append(AddedPoints(mesh, problem.limit_points))
+        psi = at_points(problem.fes, (inside, *others), (0, 1))
+        v = at_points(problem.fes, (inside, *others), (2, 3))
         held, psi, v = psi @ state, psi[:, self.unknowns.tolist()], v[:, multipliers.tolist()]
-        families = (inside, inside.weights), (on_rim, np.zeros(len(on_rim)))
-        n = len(inside) + len(on_rim)
+        families = [(inside, inside.weights), *((p, np.zeros(len(p))) for p in others)]
+        n = sum(len(points) for points, _ in families)
         geometry = np.hstack([geometry_at_points(problem.sheet, *family) for family in families])
         kernels = point_kernels(problem.scene.fabric, problem.scene.constraints)
         values, firsts, seconds = (kernel.map(n) for kernel in kernels)
@@ -256,7 +265,7 @@ def geometry_at_points(sheet, points, weights):
     """Weight, a and b at the points, (7, points)."""
     tensors = sheet.metric, sheet.curvature
     entries = [tensor[i] for tensor in tensors for i in ((0, 0), (0, 1), (1, 1))]
-    return np.vstack([weights, points.sample(ngs.CF(tuple(entries)))])
+    return np.vstack([weights, points.sample_surface(ngs.CF(tuple(entries)))])
 
 
 def diagonal(blocks, n):
@@ -273,13 +282,13 @@ def main():
     for scene, maxh in CASES:
         print(f"\n{scene.name}, maxh {maxh}")
         print(" " * 25, "E/(2π kc)  steps    λmax     area  seconds  status, setup, arrival")
-        for end in (1e-3, 1e-5):
+        for end in (1e-4, 1e-6):
             begin = time.process_time()
-            result = ngcloth.solve(scene, maxh=maxh, barrier_end=end)
+            result = ngcloth.solve(scene, maxh=maxh, order=2, barrier_end=end)
             seconds = time.process_time() - begin
             report(f"ngcloth, barrier_end {end:g}", result, seconds, result.reason.name)
         for name, options in VARIANTS.items():
-            peer = solve_with_ipopt(scene, maxh, **options)
+            peer = solve_with_ipopt(scene, maxh, added=result.limit_points, **options)
             status = f"{peer.status}, {peer.setup:.2f}, {peer.arrival:.2f}"
             report(name, peer.result, peer.result.seconds, status)
 

@@ -1,9 +1,8 @@
 """For `work_precision.py`: one solve in a process of its own, and its distance from a reference.
 
 A process of its own makes peak memory that of the solve (and of the imports), and keeps one solve's
-libraries, caches and fragmentation from the next one's time. Also here: wall-clock seconds with
-threads, the first solve of a process, which part of a solve takes how long, and the Newton matrix
-in two ways.
+libraries, caches and fragmentation from the next one's time. Also here: the first solve of a
+process, which part of a solve takes how long, and the Newton matrix in two ways.
 """
 
 import cProfile
@@ -28,7 +27,7 @@ from ngcloth.solver.meshes import make_sheets
 from ngcloth.solver.settings import LINEARISATIONS
 from ngcloth.solver.start import feasible_start
 
-SHORT = 10  # repeat solves shorter than this many seconds, and take the best
+SHORT = 1  # repeat solves shorter than this many seconds, and take the best
 INSIDE = 0.9  # of the way from the centre to the rim: stretches are compared there
 PEER = "IPOPT"
 COLD = """
@@ -66,7 +65,7 @@ def solve(name, curve, **settings):
         result, seconds, setup = run(scene, settings)
         cpu = time.process_time() - cpu if seconds is None else seconds
         runs.append((cpu, time.perf_counter() - wall, setup))
-    peak = peak_megabytes()
+    peak, bar = peak_megabytes(), result.error["energy"]
     row = {
         "scene": name,
         "curve": curve,
@@ -75,6 +74,7 @@ def solve(name, curve, **settings):
         "triangles": result.state.space.mesh.ne,
         "dofs": result.state.space.ndof,
         "energy": result.normalized_energy,
+        "energy_bar": np.nan if bar is None else bar / scene.normalisation,
         "newton_steps": result.newton_iterations,
         "last_mesh_steps": result.last_mesh_iterations,
         "cpu_seconds": min(runs)[0],
@@ -105,19 +105,6 @@ def peak_megabytes():
         return int(found[1]) / 2**10
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / (2**20 if sys.platform == "darwin" else 2**10)
-
-
-def with_threads(name, threads, maxh):
-    """Wall-clock seconds and Newton steps of a solve by default settings, warm."""
-    ngs.SetNumThreads(threads)
-    scene, runs = SCENES[name](), []
-    with ngs.TaskManager():
-        load_libraries(scene)
-        while repeat(runs):
-            wall = time.perf_counter()
-            result = ngcloth.solve(scene, maxh=maxh)
-            runs.append((time.perf_counter() - wall, result.newton_iterations))
-    return min(runs)
 
 
 def cold_start(times=3):
@@ -164,8 +151,8 @@ def linearised(name, linearisation, maxh):
     """CPU seconds of a Newton matrix and of a solve by default settings, and its Newton steps."""
     ngs.SetNumThreads(1)
     scene = SCENES[name]()
-    *_, sheet = make_sheets(scene, maxh, order=2)
-    problem = LINEARISATIONS[linearisation](scene, sheet, 2, 6, "sparsecholesky", 2)
+    *_, sheet = make_sheets(scene, maxh, order=3)
+    problem = LINEARISATIONS[linearisation](scene, sheet, 3, 8, "sparsecholesky", 3)
     feasible_start(problem)
     c = problem.slacks()
     matrices, runs = [], []
@@ -200,7 +187,9 @@ def peer(scene, settings):
     """Result, CPU seconds of IPOPT alone, wall-clock seconds of mesh, set-up and compilation."""
     from ipopt_peer import solve_with_ipopt
 
-    outcome = solve_with_ipopt(scene, **settings)
+    added = ngcloth.solve(scene, **settings).limit_points
+    settings = {name: value for name, value in settings.items() if name != "barrier_end"}
+    outcome = solve_with_ipopt(scene, added=added, **settings)
     return outcome.result, outcome.result.seconds, outcome.setup
 
 

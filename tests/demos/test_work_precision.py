@@ -13,12 +13,14 @@ import against_build
 import measuring
 import work_precision as demo
 
-TINY = {"hemisphere, ks = 1": ((0.4,), (), (0.5, 0.4), (0.4,))}
+TINY = {"hemisphere, ks = 1": ((0.4,), (), (0.4, 0.3), (0.4,))}
 
 
 @pytest.fixture(scope="module")
 def rows():
-    return demo.run(TINY, exact=False)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(demo, "ACCURACIES", (2e-2,))
+        return demo.run(TINY, exact=False)
 
 
 def test_rows(rows):
@@ -28,15 +30,23 @@ def test_rows(rows):
         demo.select(rows, "hemisphere, ks = 1", curve, 0.4)[0]
         for curve in (demo.DEFAULT, demo.WEAK, demo.PAPER)
     )
-    assert paper["energy"] == pytest.approx(default["energy"], rel=1e-3)
-    assert paper["newton_steps"] > 10 * default["newton_steps"]
-    assert weak["newton_steps"] > default["newton_steps"]
+    assert paper["energy"] == pytest.approx(weak["energy"], rel=5e-2)  # no points between
+    assert paper["newton_steps"] > 10 * weak["newton_steps"]
     bar = [row for row in rows if row["curve"] == demo.REFERENCE][1]
     for name in demo.MEASURES:
         assert 0 < bar[name] < default[name] < 0.1
     assert all(80 < row["import_megabytes"] < row["peak_megabytes"] < 2000 for row in rows)
-    for row in rows:  # too coarse for coarser ones
-        assert row["last_mesh_steps"] == row["newton_steps"]
+    for row in rows:  # others are too coarse for coarser ones, and know no error
+        chain = row["maxh"] <= 0.3
+        assert chain == (row["last_mesh_steps"] < row["newton_steps"])
+        assert chain == np.isfinite(row["energy_bar"])
+
+
+def test_bars(rows):
+    """One solve has a chain of meshes; its bar is what was asked for, and holds the error."""
+    (line,) = demo.bars(rows)
+    assert line["curve"] == demo.TO_ACCURACY and 1 < float(line["bar over error"]) < 12
+    assert float(line["bar"]) <= 2e-2 * float(line["E/(2π kc)"])
 
 
 def test_ratios(rows):
@@ -92,15 +102,13 @@ def test_profile():
 
 def test_linearisations():
     """Both take the same steps; lines have their milliseconds and seconds."""
-    lines = list(demo.linearisations({"hemisphere, ks = 1": 0.4}))
+    lines = list(demo.linearisations({"hemisphere, ks = 1": 0.3}))
     assert [line["linearisation"] for line in lines] == ["automatic", "closed form"]
     assert lines[0]["Newton steps"] == lines[1]["Newton steps"] > 5
     assert all(float(line["ms, a Newton matrix"]) > 0 for line in lines)
 
 
-def test_threads_and_cold_start():
-    seconds, steps = measuring.with_threads("hemisphere, ks = 1", 1, maxh=0.4)
-    assert 0 < seconds < 60 and 5 < steps < 50
+def test_cold_start():
     imports, first, second = measuring.cold_start(times=1)
     assert imports > 0 and second > 0 and first > 0
 
@@ -130,14 +138,14 @@ def test_outline_does_not_feel_a_shift(rows):
 
 def test_files(rows, tmp_path, monkeypatch):
     monkeypatch.setattr(demo, "run", lambda *args, **kwargs: rows)
-    apart = {"Then two threads": [{"ratio": "1.5"}], "Cold start": [{"import": "1.23"}]}
+    apart = {"Cold start": [{"ratio": "1.5", "import": "1.23"}]}
     monkeypatch.setattr(demo, "measured_apart", lambda *args: apart)
     demo.main("--quick", str(tmp_path))
     with open(tmp_path / "work_precision.csv", newline="") as file:
         read = list(csv.DictReader(file))
     assert [float(row["energy"]) for row in read] == pytest.approx([row["energy"] for row in rows])
     text = (tmp_path / "work_precision.md").read_text(encoding="utf-8")
-    assert "## Then two threads\n\n| ratio |\n| --- |\n| 1.5 |" in text and "1.23" in text
+    assert "## Cold start\n\n| ratio | import |\n| --- | --- |\n| 1.5 | 1.23 |" in text
     assert "Omissions and tweaking" in text and f"ngsolve {demo.ngs.__version__}" in text
     (plot,) = tmp_path.glob("*.png")
     assert plot.read_bytes().startswith(b"\x89PNG")
@@ -192,9 +200,9 @@ def test_each_build_solves_by_its_own_tree(head, tmp_path, monkeypatch):
 
 
 def test_solves_against_builds():
-    """Those of the report's two curves of order 2, or two coarse meshes of each scene."""
+    """Those of the report's default and of order 2, or two coarse meshes of each scene."""
     every, quick = against_build.solves(), against_build.solves(quick=True)
     assert {scene for scene, _ in every} == {scene for scene, _ in quick} == set(measuring.SCENES)
-    assert len(quick) == 20 < len(every)
-    assert ("hemisphere, ks = 1", {"maxh": 0.04, "barrier_end": 1e-5}) in every
+    assert len(quick) == 22 < len(every)
+    assert ("hemisphere, ks = 1", {"maxh": 0.04, "order": 2, "barrier_end": 1e-5}) in every
     assert all(settings.get("order", 2) == 2 for _, settings in every)

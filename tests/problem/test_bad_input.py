@@ -57,7 +57,8 @@ def test_portion(portion):
 
 SETTINGS = {
     "maxh": [0, -0.1, NAN, INF, True, "fine", [0.1]],
-    "order": [0, -1, 2.0, 1.5, NAN, True, "2", None, 15, 10**30],
+    "order": [0, -1, 2.0, 1.5, NAN, True, "2", 15, 10**30],
+    "accuracy": [0, -0.1, NAN, 1.5, "fine"],
     "quadrature": [1, -3, 6.0, True, "6", 31, 1000],
     "tolerance": [0, -1e-6, NAN, INF, True, "tight", None],
     "max_steps": [0, -5, 10.0, True, "many", None],

@@ -39,6 +39,7 @@ GLOBAL_STATE = """
 import locale, os, random, warnings
 import ngsolve as ngs
 import numpy as np
+import scipy.sparse.linalg  # sets a filter of its own
 
 def state():
     names = [name for name in dir(ngs.ngsglobals) if name[0] != "_"]

@@ -412,7 +412,7 @@ def test_the_core_alone_gives_the_pattern(tmp_path):
     """What setup.cfg requires, and what that requires, writes the SVG of the command line."""
     code = """
 import sys
-for extra in ("shapely", "ezdxf", "scipy", "svgelements", "tqdm", "casadi", "playwright"):
+for extra in ("shapely", "ezdxf", "svgelements", "tqdm", "casadi", "playwright"):
     sys.modules[extra] = None
 from ngcloth.__main__ import main
 sys.exit(main())

@@ -113,5 +113,5 @@ def test_the_command_line_draws_it_if_it_can(
     arguments = ["hemisphere", "--ks", "10", "--maxh", "0.5", "--out", str(tmp_path), *options]
     assert cli.main(arguments) == 0
     assert bool(shown(terminal)) == drawn
-    assert (" barrier " in capsys.readouterr().out) == (not options)
+    assert ("  barrier  " in capsys.readouterr().out) == (not options)
     assert "ngcloth:" not in terminal.getvalue()  # tqdm is not missed

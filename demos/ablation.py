@@ -70,7 +70,10 @@ inf = np.inf
 CONSTANTS = {
     interior_point: {
         "FIRST_MU": 1e-3,  # no sequence of barriers but the last one
+        "WARM_MU": 1.0,  # each mesh begins as the first does
         "LOWER_MU": 0.0,
+        "UNSEEN": 1e-6,
+        "LEAST_MU": 1e-3,
         "HIGHER": None,
         "LASTING_RATE": inf,
         "NEARLY": 1.0,

@@ -10,7 +10,7 @@ sys.path.insert(0, str(DEMOS))  # the demo imports its rows as a script does
 import ablation
 
 from ngcloth import scenes
-from ngcloth.solver import solve
+from ngcloth.solver import start
 
 TINY = [
     ablation.Solve("taut", lambda: scenes.hemisphere(ks=1), {"maxh": 0.3}, "CONVERGED"),
@@ -46,11 +46,11 @@ def test_each_change_is_made_and_undone():
         assert getattr(owner, attribute) is before
 
 
-def test_a_change_reaches_modules_that_import_the_constant():
-    before = solve.FIRST_MU
-    with ablation.changed(*ablation.changes()["FIRST_MU", "halved"]):
-        assert solve.FIRST_MU == before / 2
-    assert solve.FIRST_MU == before
+def test_a_change_reaches_modules_that_import_what_is_changed():
+    before = ablation.interior_point.near_start
+    with ablation.changed(start, "near_start", None):
+        assert ablation.interior_point.near_start is None
+    assert ablation.interior_point.near_start is before
 
 
 def test_fractions_near_one_are_scaled_from_there():

@@ -187,9 +187,11 @@ def peer(scene, settings):
     """Result, CPU seconds of IPOPT alone, wall-clock seconds of mesh, set-up and compilation."""
     from ipopt_peer import solve_with_ipopt
 
+    settings = dict(settings)
+    seconds = settings.pop("cpu_budget", 1e6)
     added = ngcloth.solve(scene, **settings).limit_points
-    settings = {name: value for name, value in settings.items() if name != "barrier_end"}
-    outcome = solve_with_ipopt(scene, added=added, **settings)
+    settings.pop("barrier_end", None)
+    outcome = solve_with_ipopt(scene, added=added, max_cpu_time=seconds, **settings)
     return outcome.result, outcome.result.seconds, outcome.setup
 
 

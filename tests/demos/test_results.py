@@ -35,7 +35,7 @@ def test_what_is_not_resolved_is_told(demo):
     ]
     solved, sure, unsure, held = demo.in_short(rows)
     assert "3 of 3 solves converge, 3 are certified" in solved
-    assert sure.endswith("less: a.") and unsure.endswith("b (not resolved); c (± 10.0%).")
+    assert sure.endswith(": a.") and unsure.endswith("b (not resolved); c (± 10.0%).")
     assert "the bar holds it in 1; not in a." in held
 
 

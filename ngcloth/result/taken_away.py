@@ -32,7 +32,7 @@ class TakenAway:
     def area_beyond(self, limits=None):
         """Area under cloth that is sheared by more than each limit, 15° and 30° by default.
 
-        A dict of (area on the surface, its share) by limit; see `ngcloth.output.angles`.
+        A dict of (area on the surface, its share) by limit.
         """
         from ..output.angles import area_beyond
 

@@ -43,7 +43,7 @@ def test_rows(rows):
 
 
 def test_bars(rows):
-    """One solve has a chain of meshes; its bar is what was asked for, and of the size of the error."""
+    """One solve has a chain of meshes; its bar is as asked for, of the size of the error."""
     (line,) = demo.bars(rows)
     assert line["curve"] == demo.TO_ACCURACY and 0.3 < float(line["bar over error"]) < 12
     assert float(line["bar"]) <= 2e-2 * float(line["E/(2π kc)"])

@@ -99,15 +99,15 @@ included; exponents of memory are of what exceeds them. IPOPT runs at order 2 on
 found best on these scenes (exact derivatives, adaptive barrier, MUMPS, kernels in C where there is
 a compiler); no other program is timed. Nothing was tuned scene by scene for ngcloth. The paper's
 schedule is ngcloth's own implementation of it at order 2, with the limits at the points of the
-rules alone; it is cut off after {budget:g} seconds, IPOPT after {peer_budget:g}. It "stalls"
-where Newton's method fails in one of its time steps. Solves to an accuracy are cut off after as many, and have then the last mesh that
-was finished; there are none of obstacles. All is of one thread, in CPU seconds; of cold starts only
-one is timed, by the clock on the wall. The machine did other work at the same time, so that ratios
-are good to some tens of per cent. Meshes are uniform. Where a scene has several minima, as with the
-obstacle and a shear limit, meshes and solvers may end in different ones, and a row is then as far
-from the reference as the minima are; on the sphere with p = 0.85 no mesh here resolves the layer
-along the rim, and "errors" there tell the distance of one coarse answer from another. Energies
-below 1e-17 mean zero."""
+rules alone; it is cut off after {budget:g} seconds, IPOPT after {peer_budget:g}. It "stalls" where
+Newton's method fails in one of its time steps. Solves to an accuracy are cut off after {budget:g}
+seconds, and have then the last mesh that was finished; there are none of obstacles. All is of one
+thread, in CPU seconds; of cold starts only one is timed, by the clock on the wall. The machine did
+other work at the same time, so that ratios are good to some tens of per cent. Meshes are uniform.
+Where a scene has several minima, as with the obstacle and a shear limit, meshes and solvers may end
+in different ones, and a row is then as far from the reference as the minima are; on the sphere with
+p = 0.85 no mesh here resolves the layer along the rim, and "errors" there tell the distance of one
+coarse answer from another. Energies below 1e-17 mean zero."""
 
 
 def jobs(scene, meshes):

@@ -199,10 +199,9 @@ def element_fields(result, points):
         its third component 0, and on the surface. "warp" and "weft": unit vectors along the
         threads of the first two families, tangent to the surface. "stretch1", "stretch2", "shear",
         "reaction", "jacobian", "angle", "thickness": as `Result.field` gives them, τ in units of
-        force per flat area, the shear angle in degrees. ``"active_…"``, 0 or 1: whether the limit of
-        that name is active, which
-        means a slack below 5 % of its greatest value here; the slacks of a limit that has
-        several are numbered, as in "active_elongation_1" for the warp.
+        force per flat area, the shear angle in degrees. ``"active_…"``, 0 or 1: whether the limit
+        of that name is active, which means a slack below 5 % of its greatest value here; the slacks
+        of a limit that has several are numbered, as in "active_elongation_1" for the warp.
     """
     scene, sheet = result.scene, result.sheet
     mesh, flat = result.state.space.mesh, result.state.components[:2]

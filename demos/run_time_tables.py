@@ -107,7 +107,7 @@ def in_short(rows):
             "one thread": name,
             "Newton steps": taken,
             "seconds": f"{ours['cpu_seconds']:.2g}",
-            "IPOPT": f"{steps(peer)} steps, {peer['cpu_seconds']:.2g}" if peer else "–",
+            "IPOPT": _beside(peer, ours) if peer else "–",
             "the paper's schedule": spent,
         }
 
@@ -121,6 +121,12 @@ def in_short(rows):
         if ours:
             yield line(f"{scene}, maxh {maxh}", ours[0], *(m[0] if m else None
                        for m in (papers, peers)))  # fmt: skip
+
+
+def _beside(peer, ours):
+    apart = peer["energy"] / ours["energy"] - 1
+    told = "" if abs(apart) <= AGREE else f", E {100 * apart:+.0f} %"
+    return f"{steps(peer)} steps, {peer['cpu_seconds']:.2g}{told}"
 
 
 def _unless_stalled(row, text, more):

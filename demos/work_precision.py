@@ -11,7 +11,7 @@ steps, and IPOPT on the same discrete problem (the extra `bench`), which goes to
 compares with a weak barrier. Beside errors of the energy are the bars that the solves gave
 themselves.
 
-    python demos/work_precision.py               # ten minutes; needs `bench` for IPOPT; writes docs/ and out/
+    python demos/work_precision.py               # ten minutes; writes docs/ and out/
     python demos/work_precision.py --quick out   # one scene, coarse; all of it to another folder
 """
 

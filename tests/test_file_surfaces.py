@@ -41,12 +41,12 @@ def part(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def result(part):
-    return solve(Scene(part, *TAUT, name="dome"), maxh=0.2)
+    return solve(Scene(part, *TAUT, name="dome", warp=(1, 0, 0)), maxh=0.2)
 
 
 def test_hemisphere_of_one_face(result):
     """Its seam and its pole lie inside; two meshes, one a refinement of the other."""
-    assert result.converged and result.newton_iterations <= 25
+    assert result.converged and result.newton_iterations <= 50
     assert result.history[0].phase == "coarse"
     assert result.normalized_energy == pytest.approx(HEMISPHERE, abs=2e-3)
     low, high = result.extrema["stretch1"]

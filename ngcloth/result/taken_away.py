@@ -1,13 +1,47 @@
-"""What a result hands to a person: pictures, patterns, fields and files, by the output room."""
+"""What a result hands to a person: points of the patch, pictures, patterns, fields and files."""
 
 from ..output.cut import export_dxf, export_svg
 
 
 class TakenAway:
-    """The methods of a `Result` that draw it or write it."""
+    """The methods of a `Result` that hand on to other modules: places, drawings, files."""
 
     export_svg = export_svg
     export_dxf = export_dxf
+
+    def flatten(self, points):
+        """Where points of the surface go on the flat patch.
+
+        Parameters
+        ----------
+        points : array_like, (..., 3)
+            Points on or near the surface, in its coordinates.
+
+        Returns
+        -------
+        ndarray, (..., 2)
+            The flat positions of the nearest points of the surface.
+        """
+        from .places import flatten
+
+        return flatten(self, points)
+
+    def lay(self, flat):
+        """Where points of the flat patch go on the surface.
+
+        Parameters
+        ----------
+        flat : array_like, (..., 2)
+            Flat positions, in units of length.
+
+        Returns
+        -------
+        ndarray, (..., 3)
+            Points of the surface; NaN outside the patch.
+        """
+        from .places import lay
+
+        return lay(self, flat)
 
     def plot(self, field=None, where="patch", ax=None, limits=None):
         """Draw the threads, over a field if one is named, with matplotlib.

@@ -12,7 +12,7 @@ from scipy.sparse import csc_matrix
 import ngcloth
 from ngcloth import Disk, Elongation, Net, Rectangle, Scene, ShearLimit, Surface, solve
 from ngcloth.output.planar import crossing
-from ngcloth.result import elements, stationarity
+from ngcloth.result import elements, system
 from ngcloth.result.between import Between
 from ngcloth.result.elements import factorised, parts_of_square
 from ngcloth.result.patch import Patch
@@ -133,7 +133,7 @@ def test_few_factorisations_and_no_symbolic_form(name, most, monkeypatch):
         count.append(matrix.shape)
         return factorised(matrix)
 
-    for module in (stationarity, elements):
+    for module in (system, elements):
         monkeypatch.setattr(module, "factorised", counted)
     monkeypatch.delattr(ngs, "BilinearForm")
     monkeypatch.delattr(ngs, "LinearForm")

@@ -24,6 +24,7 @@ import pytest
 import ngcloth
 from ngcloth import Disk, Elongation, InputError, Net, Reason, Rectangle, Scene, ShearLimit, Surface
 from ngcloth.result import load as loading
+from ngcloth.result import saved_fields
 from ngcloth.result.history import Row
 from ngcloth.result.reading import plain_arrays
 from ngcloth.result.save import CHECKSUMS, FILES, hidden
@@ -488,7 +489,7 @@ def test_arrays_that_are_not_a_patch(edit, told, saved):
     ],
 )
 def test_numbers_that_are_not_of_this_patch(path, value, told, saved, monkeypatch):
-    monkeypatch.setattr(loading, "MOST_POINTS", 10**5)
+    monkeypatch.setattr(saved_fields, "MOST_POINTS", 10**5)
 
     def edit(fields, record):
         *within, last = path

@@ -6,7 +6,7 @@ Pinned along its rim, the cloth touches the surface all over only where the surf
     such that  τ = −2 S : b ≥ 0, λ1 ≥ 1, λ2 ≥ 1, and the cloth is in equilibrium.
 
 Without τ ≥ 0 the best patch is symmetric, and is pulled along parts of its rim. With it the problem
-has several solutions. Where shear is stiff the lowest are turned by 13° to 15° either way, mirror
+has several solutions. Where shear is stiff the lowest are turned either way, mirror
 images of each other up to the mesh, and the paper's start, ψ = (0.3 θ1, 0.4 θ2), leads to one of
 them, be it turned in its plane or not; the symmetric patch has more energy. `ngcloth.minima` tries
 several starts; the figures show the lowest of what came out.

@@ -137,14 +137,9 @@ class ConstrainedLagrangian(Discretisation):
             Anywhere.
         """
         at = mesh_points(self.sheet.mesh, *points)
-        slacks, strains = self._anywhere_expressions
+        slacks, scales = self._anywhere_expressions
         values = np.asarray(slacks(at)).reshape(len(at), -1).T
-        limits = [limit for limit in self.scene.constraints for _ in limit.slacks(self._cloth)]
-        scales = [
-            limit.scale(row) if hasattr(limit, "scale") else np.asarray(strain(at)).ravel()
-            for limit, row, strain in zip(limits, values, strains, strict=True)
-        ]
-        return np.array([row / scale for row, scale in zip(values, scales, strict=True)])
+        return np.array([row / scale(row, at) for row, scale in zip(values, scales, strict=True)])
 
     def symbolic_energy(self, inside, on_rim, added=()):
         """The Lagrangian as one `SymbolicEnergy` of ψ and v.
@@ -265,12 +260,13 @@ class ConstrainedLagrangian(Discretisation):
 
     @cached_property
     def _anywhere_expressions(self):
-        """All slacks; and of each what a strain of one changes it by."""
-        cloth = self._anywhere(*self._psi)
-        slacks = self._slacks(cloth)
-        slope = cloth.gradient
-        strains = [ngs.Norm(slack.Diff(slope) * slope.trans).Compile() for slack in slacks]
-        return ngs.CF(tuple(slacks)).Compile(), strains
+        """All slacks; and of each a function of its values and points: what counts as one."""
+        cloth, slacks, scales = self._anywhere(*self._psi), [], []
+        for limit in self.scene.constraints:
+            for slack in limit.slacks(cloth):
+                slacks.append(slack)
+                scales.append(_scale(limit, slack, cloth.gradient))
+        return ngs.CF(tuple(slacks)).Compile(), scales
 
     def _anywhere(self, psi1, psi2):
         """The cloth off the integration points, where geometry enters as expressions."""
@@ -283,6 +279,13 @@ def _stretch_along_rim(metric):
     """Length on the surface over length in the parameter plane."""
     along = ngs.specialcf.tangential(2)
     return ngs.sqrt(ngs.InnerProduct(metric * along, along))
+
+
+def _scale(limit, slack, slope):
+    if hasattr(limit, "scale"):
+        return lambda values, at: limit.scale(values)
+    strain = ngs.Norm(slack.Diff(slope) * slope.trans).Compile()
+    return lambda values, at: np.asarray(strain(at)).ravel()
 
 
 def _limit(slack, numbers):

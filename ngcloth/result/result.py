@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import InputError, check_integer
 from ..geometry.file_surface import FileSurface
 from ..geometry.nearest import nearest_on_sheet
-from ..geometry.sheet import Sheet
+from ..geometry.sheet import Sheet, lattice
 from ..problem.bars import UNKNOWN
 from ..problem.constraints import LimitPoints
 from ..problem.domain import MeshDomain
@@ -121,9 +121,8 @@ class Result(TakenAway):
         return self._range("jacobian")[0] > 0
 
     def _range(self, name):
-        n = 2 * self.settings["order"] + 2
-        lattice = [(i / n, j / n) for i in range(n + 1) for j in range(n + 1 - i)]
-        rule = ngs.IntegrationRule(lattice, [0.0] * len(lattice))
+        points = lattice(2 * self.settings["order"] + 2).tolist()
+        rule = ngs.IntegrationRule(points, [0.0] * len(points))
         points = self._mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)
         values = self._fields[name].Compile()(points)
         return float(values.min()), float(values.max())

@@ -108,20 +108,22 @@ def run_finer(recorder):
 
     Returns
     -------
-    Reason
-        A budget where the mesh is too large for the machine.
+    bool
+        Whether that converged; not where the machine does not hold the mesh, or the patch folds.
     """
     known = recorder.problem
     settings = known.settings | {"maxh": known.settings["maxh"] / COARSER}
     try:
         check_memory(known.scene, settings)
     except InputError:
-        return Reason.STEP_BUDGET
+        return False
     sheet = make_sheets(known.scene, settings["maxh"], settings["order"])[-1]
     problem = discretised(known.scene, sheet, settings)
     if not problem.take(known.state):
-        return Reason.FOLDED
-    return interior_point(problem, recorder, settings["barrier_end"], phase="finer", warm=True)
+        return False
+    end = settings["barrier_end"]
+    reason = interior_point(problem, recorder, end, phase="finer", warm=True)
+    return reason is Reason.CONVERGED
 
 
 def _start_from_coarser(problem, recorder, sheets, solved):

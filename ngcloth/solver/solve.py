@@ -217,7 +217,7 @@ def solve(
         recorder.resume(whole)
         reason = run(whole, recorder, coarser, level)
         result = level() if reason is Reason.CONVERGED else outcome(reason)
-        while result.converged and result.falls_short and run_finer(recorder) is Reason.CONVERGED:
+        while result.converged and result.falls_short and run_finer(recorder):
             result = level()
     except KeyboardInterrupt:
         if not recorder.restore():

@@ -3,7 +3,6 @@
 import base64
 import io
 import json
-import shutil
 from dataclasses import replace
 from functools import cache
 from html.parser import HTMLParser
@@ -11,7 +10,6 @@ from html.parser import HTMLParser
 import matplotlib
 import numpy as np
 import pytest
-from playwright.sync_api import sync_playwright
 
 import ngcloth
 from ngcloth import (
@@ -330,17 +328,6 @@ def test_pages_that_cannot_be_are_refused(tmp_path, path, files):
 
 
 # The page, opened -------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def browser():
-    names = ("chromium", "chromium-browser", "google-chrome")
-    installed = next(filter(None, map(shutil.which, names)), None)
-    with sync_playwright() as play:
-        # Without an installed one, playwright looks for its own.
-        chromium = play.chromium.launch(executable_path=installed, args=["--no-sandbox"])
-        yield chromium
-        chromium.close()
 
 
 def drawn(page):

@@ -69,13 +69,17 @@ class StationaryPoint:
 
     @cached_property
     def stress(self):
-        """Root mean square over the surface of the derivative of the cost by ∇ψ."""
+        """Root mean square over the surface of the derivative of the cost by ∇ψ.
+
+        Where parts of that balance each other, as in bent threads, it is the cost per area.
+        """
         flux = self.cost[1].reshape(len(self.flat_areas), 2, -1)
         c11, c22, c12 = self.inside.strain.T
         one, other = flux[:, :, 0], flux[:, :, 1]
         square = c11[:, None] * one**2 + c22[:, None] * other**2 + 2 * c12[:, None] * one * other
         mean = self.flat_areas @ (square.sum(axis=1) / self.inside.stretch) / self.area
-        return max(float(np.sqrt(mean)), ROUND_OFF * self.size)
+        cost = abs(float(self.flat_areas @ self.cost[0] / self.area))
+        return max(float(np.sqrt(mean)), cost, ROUND_OFF * self.size)
 
     def tests(self):
         """The fields of the `Certificate` that are found here."""
@@ -87,9 +91,21 @@ class StationaryPoint:
             # A Chebyshev net has no stress but the error of the mesh.
             "richer_tolerance": RESOLVED * max(1.0, self.size / stress),
             "equilibrium_tolerance": max(EQUILIBRIUM, UNFELT * self.size / stress),
-            "curvature_tolerance": FLAT * stress,
+            "curvature_tolerance": self._flat(),
         }
         return found | self._about_psi() if self.interior else found
+
+    def _flat(self):
+        """Curvature that counts as zero.
+
+        In the unit of kc, where turning the cloth changes its energy by little, that is by about
+        the square of the stress. Of a Chebyshev net all stress is an error of the mesh, and so is
+        curvature of that size.
+        """
+        if self.scene.inextensible:
+            return self.stress
+        part = min(1.0, self.stress / self.size)
+        return FLAT * part * self.stress + ROUND_OFF * self.size
 
     def _tolerance(self):
         """An interior point ends with stationarity and all c z − μ below μ, per area."""

@@ -98,13 +98,13 @@ class StationaryPoint:
     def _flat(self):
         """Curvature that counts as zero.
 
-        In the unit of kc, where turning the cloth changes its energy by little, that is by about
-        the square of the stress. Of a Chebyshev net all stress is an error of the mesh, and so is
-        curvature of that size.
+        Turning cloth changes its energy by about the square of a small stress. Limits, asked at
+        points, change that by more. Of a Chebyshev net all stress is an error of the mesh, and so
+        is curvature of that size.
         """
         if self.scene.inextensible:
             return self.stress
-        part = min(1.0, self.stress / self.size)
+        part = 1.0 if self.limits else min(1.0, self.stress / self.size)
         return FLAT * part * self.stress + ROUND_OFF * self.size
 
     def _tolerance(self):

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import InputError
 from ..problem.bars import with_bar
 from ..problem.domain import MeshDomain
-from ..problem.fabric import directions, of_strain_alone
+from ..problem.fabric import directions
 from .angles import BANDS, checked_limits, on_bands
 from .files import checked_file, write_file
 from .plot import (
@@ -69,7 +69,7 @@ def report(result, path, files=(), limits=None):
     fields = ["stretch1", "stretch2", "shear", "angle", "thickness"]
     if not result.scene.inextensible:
         fields.append("reaction")
-    certificate = result.certificate() if of_strain_alone(result.scene.fabric) else None
+    certificate = result.certificate()
     kind, verdict = _verdict(result, certificate)
     template = package_files(__package__).joinpath("report.html").read_text(encoding="utf-8")
     text = Template(template).substitute(
@@ -109,25 +109,21 @@ def _links(folder, files):
 
 def _verdict(result, certificate):
     """How the page begins: a class of its style, and a sentence."""
-    held = certificate is not None and certificate.certified
-    certified = "certified:" if held else "not certified:"
+    certified = "certified:" if certificate.certified else "not certified:"
     if not result.converged:
         reason = str(result.reason)
         return "bad", (
             f"Not converged. {reason[0].upper()}{reason[1:]}. "
             f"What follows is the last good iterate, not a solution; it is {certified}"
         )
-    if not held:
+    if not certificate.certified:
         return "doubtful", f"Converged, but {certified}"
     return "good", f"Converged and {certified}"
 
 
 def _certificate(certificate):
     """What the certificate says, as items: each fault, or how well all holds."""
-    if certificate is None:
-        said = ["there is no certificate of a fabric that depends on more than strain"]
-    else:
-        said = certificate.faults or certificate.findings
+    said = certificate.faults or certificate.findings
     return "".join(f"<li>{escape(each)}</li>" for each in said)
 
 

@@ -10,11 +10,9 @@ from itertools import combinations
 import ngsolve as ngs
 import numpy as np
 
-from ..errors import InputError
 from ..output.planar import crossing
 from ..problem.bars import with_bar
 from ..problem.constraints import Elongation, Obstacle, ShearLimit
-from ..problem.fabric import of_strain_alone
 from ..problem.kinematics import Kinematics, gradient
 from .bernstein import basis, lattice, product
 from .between import Between, least_ratio
@@ -239,15 +237,7 @@ def verify(result):
         nowhere, the pinned cloth is in equilibrium, and ψ is a (local) minimum: stationary, with
         multipliers found from ψ, and of no negative curvature. In a symmetric scene, a minimum
         among symmetric patches.
-
-    Raises
-    ------
-    InputError
-        If the fabric's energy depends on more than strain: such forces are left out here.
     """
-    if not of_strain_alone(result.scene.fabric):
-        allowed = "one whose energy depends on strain alone, for a certificate"
-        raise InputError("fabric", result.scene.fabric, allowed)
     patch, bar = Patch(result), result.error["energy"]
     between = Between(patch)
     found = {
@@ -342,8 +332,9 @@ def _below(value):
 
 def _sampled(limit, result, triangles):
     """The slacks of a limit that is not one of polynomials, on a lattice alone."""
-    sheet, slope = result.sheet, gradient(*result.state.components[:2])
-    cloth = Kinematics(slope, sheet.metric, result.scene.fabric, lambda: sheet.curvature)
+    sheet, psi = result.sheet, result.state.components[:2]
+    slope = gradient(*psi)
+    cloth = Kinematics(slope, sheet.metric, result.scene.fabric, lambda: sheet.curvature, psi)
     checks = []
     for slack in limit.slacks(cloth):
         expression, points = slack.Compile(), triangles.at_lattice(FINE)

@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from ..problem.fabric import of_place
 from . import changes
 from .elements import Space, assembled, parts_of_square
+from .patch import LITTLE
 
-LITTLE = 1e-2  # of the mean square of ψ, over the area, in the norm
 FINER = 4  # degrees by which the integration rule is richer than the solver's
 
 
@@ -33,15 +32,9 @@ def forces(patch):
     points, order = patch.by_rule(patch.degree + FINER), patch.order + 1
     space, flat = Space(patch.triangles, order), points.flat_areas()
     density, slopes = points.law(1)
-    firsts = np.concatenate([changes.first(tensor) for tensor in points.pushed_tensors], axis=1)
-    n = firsts.shape[1]
-    by_z = np.einsum("na,nai->ni", slopes[:, :n], firsts)
-    stress, _ = changes.with_area(density, by_z, 0.0)
+    by_change = np.einsum("na,nai->ni", slopes, points.felt.firsts)
+    stress, _ = changes.with_area(density, by_change, 0.0)
     loads = points.loads(order, flat.reshape(-1, 1) * stress)
-    if of_place(patch.scene.fabric):
-        by_place = flat[:, :, None] * slopes[:, n:].reshape(*points.shape, 2)
-        pulls = by_place.swapaxes(1, 2) @ points.functions_of(order)
-        loads += pulls.reshape(loads.shape)
     force = np.bincount(space.pairs.ravel(), loads.ravel(), 2 * space.ndof)
 
     rim = space.on("rim")
@@ -63,8 +56,8 @@ def forces(patch):
 def _norm(points, order):
     """The square of the norm, of each component alike: blocks of the groups, (groups, n, n)."""
     flat, areas = points.flat_areas(), points.areas()
-    functions, slopes = points.functions_of(order), points.shapes(order)
-    tensors = (flat.reshape(-1, 1, 1) * points.seminorm()[:, :2, :2]).reshape(*flat.shape, 2, 2)
+    functions, slopes = points.functions_of(order), points.shapes(order)[:, :, :2]
+    tensors = (flat.reshape(-1, 1, 1) * points.norm()[:, :2, :2]).reshape(*flat.shape, 2, 2)
     flux, shape = tensors @ slopes, (len(flat), -1, slopes.shape[-1])
     blocks = slopes.reshape(shape).swapaxes(1, 2) @ flux.reshape(shape)
     weights = LITTLE / areas.sum() * areas

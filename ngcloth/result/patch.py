@@ -12,6 +12,7 @@ from . import bernstein, changes
 from .elements import SIDES, Triangles
 from .numbers import Numbers
 
+LITTLE = 1e-2  # of the mean square of a change of ψ, over the area, in a norm
 CORNERS = np.array([(1.0, 0.0), (0.0, 1.0), (0.0, 0.0)])
 
 
@@ -96,7 +97,7 @@ class Points:
     def __init__(self, patch, triangles, reference, weights):
         self.patch, self.triangles = patch, triangles
         self.reference, self.weights = reference, weights
-        self._shapes = {}
+        self._shapes, self._placed = {}, of_place(patch.scene.fabric)
         numbers = np.repeat(triangles, reference.shape[1])
         self.mapped = patch.triangles.mapped(numbers, reference.reshape(-1, 2))
         expressions = ngs.CF((ngs.x, ngs.y, ngs.specialcf.JacobianMatrix(2))).Compile()
@@ -125,21 +126,26 @@ class Points:
         return bernstein.basis(order, self.reference)
 
     def shapes(self, order):
-        """Their derivatives in the flat plane, (groups, points, 2, n)."""
+        """Their derivatives in the flat plane, (groups, points, 2, n); their values, if felt."""
         if order not in self._shapes:
             to_flat = self._to_flat.reshape(*self.shape, 2, 2).swapaxes(2, 3)
-            self._shapes[order] = to_flat @ self._reference_shapes(order)
+            shapes = to_flat @ self._reference_shapes(order)
+            if self._placed:
+                functions = self.functions_of(order)
+                functions = np.broadcast_to(functions, (*self.shape, functions.shape[-1]))
+                shapes = np.concatenate([shapes, functions[:, :, None]], axis=2)
+            self._shapes[order] = shapes
         return self._shapes[order]
 
     def gradients(self, order, coefficients):
         """Z of two functions given by coefficients (groups, 2, n): (n, 4)."""
         shapes = self.shapes(order).swapaxes(2, 3)
-        return (coefficients[:, None] @ shapes).reshape(-1, 4)
+        return (coefficients[:, None] @ shapes).reshape(-1, 2 * shapes.shape[-1])
 
     def loads(self, order, slopes):
         """Vectors of the groups, (groups, 2 n), of a form by Z, (n, 4), weights included."""
         shapes, groups = self.shapes(order), len(self.triangles)
-        slopes = slopes.reshape(*self.shape, 2, 2).swapaxes(1, 2).reshape(groups, 2, -1)
+        slopes = slopes.reshape(*self.shape, 2, -1).swapaxes(1, 2).reshape(groups, 2, -1)
         return (slopes @ shapes.reshape(groups, -1, shapes.shape[-1])).reshape(groups, -1)
 
     def blocks(self, left, right, tangent):
@@ -158,13 +164,13 @@ class Points:
         """
         groups, points = self.shape
         rows, columns = self.shapes(left), self.shapes(right)
-        m, n = rows.shape[-1], columns.shape[-1]
-        rows = rows.reshape(groups, 2 * points, m).swapaxes(1, 2)
-        tangent = tangent.reshape(groups, points, 2, 2, 2, 2)
+        (parts, m), n = rows.shape[-2:], columns.shape[-1]
+        rows = rows.reshape(groups, parts * points, m).swapaxes(1, 2)
+        tangent = tangent.reshape(groups, points, 2, parts, 2, parts)
         whole = np.empty((groups, 2, m, 2, n))
         for i, k in np.ndindex(2, 2):
             scaled = tangent[:, :, i, :, k] @ columns
-            whole[:, i, :, k] = rows @ scaled.reshape(groups, 2 * points, n)
+            whole[:, i, :, k] = rows @ scaled.reshape(groups, parts * points, n)
         return whole.reshape(groups, 2 * m, 2 * n)
 
     def pushed(self, tensor):
@@ -198,11 +204,19 @@ class Points:
         square = c11 * flat[:, 0] ** 2 + 2 * c12 * flat[:, 0] * flat[:, 1] + c22 * flat[:, 1] ** 2
         return np.sqrt(square)
 
-    def seminorm(self):
-        """The H¹ seminorm on the surface, √det C C⁻¹ : ∇uᵀ∇w, by Z: (n, 4, 4)."""
+    def norm(self):
+        """The H¹ seminorm on the surface, √det C C⁻¹ : ∇uᵀ∇w, by Z: (n, 4, 4).
+
+        Where the place X is felt, it tells whether all of the cloth is moved, which the seminorm
+        does not: `LITTLE` of w·w over the area is added.
+        """
         c11, c22, c12 = self.strain.T / self.stretch
         tensor = np.moveaxis(np.array([[c22, -c12], [-c12, c11]]), -1, 0)
-        return np.einsum("ik,njl->nijkl", np.eye(2), tensor).reshape(-1, 4, 4)
+        whole = np.einsum("ik,njl->nijkl", np.eye(2), tensor).reshape(-1, 4, 4)
+        if self._placed:
+            whole = changes.with_place(whole, 2)
+            whole += LITTLE / self.areas().sum() * changes.along_w(self.stretch)
+        return whole
 
     def functions(self, make):
         """Values and derivatives by Z of functions of the cloth.
@@ -233,11 +247,16 @@ class Points:
         return Numbers(self.theta)
 
     @cached_property
-    def pushed_tensors(self):
+    def _tensors(self):
         """C, and K = G⁻ᵀ b G⁻¹ if the fabric resists bending: list of (n, 3)."""
         if of_curvature(self.patch.scene.fabric):
             return [self.strain, self.pushed(self.patch.sheet.curvature)]
         return [self.strain]
+
+    @cached_property
+    def felt(self):
+        """How what `law` depends on changes with ψ."""
+        return changes.Felt(self._tensors, self._placed)
 
     @cached_property
     def place(self):
@@ -247,8 +266,8 @@ class Points:
 
     def law(self, highest):
         """W and its derivatives up to an order, over kc: by C, and then by K and X, if felt."""
-        fabric, felt = self.patch.scene.fabric, list(self.pushed_tensors)
-        if of_place(fabric):
+        fabric, felt = self.patch.scene.fabric, list(self._tensors)
+        if self._placed:
             felt.append(self.place)
         numbers = self.table.variables(np.concatenate(felt, axis=1))
         tensors = self.table.derivatives([fabric.energy(*numbers)], numbers, highest)
@@ -267,7 +286,8 @@ class _Tabled(Kinematics):
             firsts[:, i, :, i] = points.gradient.swapaxes(1, 2)  # ∂(Z G)_ix/∂Z_ij = G_jx
         self._firsts, self._seconds = [firsts.reshape(n, 4, 4)], [np.zeros((n, 4, 4, 4))]
         gradient = ngs.CF(self._new(points.gradient.reshape(n, 4)), dims=(2, 2))
-        super().__init__(gradient, sheet.metric, fabric, lambda: sheet.curvature)
+        self._place = points.table.variables(points.place) if of_place(fabric) else []
+        super().__init__(gradient, sheet.metric, fabric, lambda: sheet.curvature, self._place)
 
     def pushed(self, tensor):
         """As for `Kinematics`, of tensors that do not depend on ψ."""
@@ -283,7 +303,10 @@ class _Tabled(Kinematics):
     @property
     def known(self):
         """The numbers, and their derivatives by Z, (n, numbers, 4) and (n, numbers, 4, 4)."""
-        return self._numbers, *(np.concatenate(d, axis=1) for d in (self._firsts, self._seconds))
+        both = [np.concatenate(parts, axis=1) for parts in (self._firsts, self._seconds)]
+        if self._place:
+            both = map(changes.and_of_place, both)
+        return self._numbers + self._place, *both
 
 
 def _inverse(matrices):

@@ -58,25 +58,28 @@ class StationaryPoint:
     @cached_property
     def energy(self):
         """Likewise of W."""
-        density, slopes, bends, _ = self.law
-        strain = self.inside.strain
-        firsts = changes.first(strain), changes.second(strain)
-        return density, *changes.with_area(density, *changes.chained(slopes, bends, *firsts))
+        (density, slopes, bends, _), felt = self.law, self.inside.felt
+        both = changes.chained(slopes, bends, felt.firsts, felt.seconds)
+        return density, *changes.with_area(density, *both)
 
     @cached_property
     def law(self):
-        """W and its derivatives by C up to the third, see `Points.law`."""
+        """W and its derivatives up to the third, see `Points.law`."""
         return self.inside.law(3)
 
     @cached_property
     def stress(self):
-        """Root mean square over the surface of the derivative of the cost by ∇ψ."""
-        flux = self.cost[1].reshape(-1, 2, 2)
+        """Root mean square over the surface of the derivative of the cost by ∇ψ.
+
+        Where parts of that balance each other, as in bent threads, it is the cost per area.
+        """
+        flux = self.cost[1].reshape(len(self.flat_areas), 2, -1)
         c11, c22, c12 = self.inside.strain.T
         one, other = flux[:, :, 0], flux[:, :, 1]
         square = c11[:, None] * one**2 + c22[:, None] * other**2 + 2 * c12[:, None] * one * other
         mean = self.flat_areas @ (square.sum(axis=1) / self.inside.stretch) / self.area
-        return max(float(np.sqrt(mean)), ROUND_OFF * self.size)
+        cost = abs(float(self.flat_areas @ self.cost[0] / self.area))
+        return max(float(np.sqrt(mean)), cost, ROUND_OFF * self.size)
 
     def tests(self):
         """The fields of the `Certificate` that are found here."""
@@ -88,9 +91,21 @@ class StationaryPoint:
             # A Chebyshev net has no stress but the error of the mesh.
             "richer_tolerance": RESOLVED * max(1.0, self.size / stress),
             "equilibrium_tolerance": max(EQUILIBRIUM, UNFELT * self.size / stress),
-            "curvature_tolerance": FLAT * stress,
+            "curvature_tolerance": self._flat(),
         }
         return found | self._about_psi() if self.interior else found
+
+    def _flat(self):
+        """Curvature that counts as zero.
+
+        Turning cloth changes its energy by about the square of a small stress. Limits, asked at
+        points, change that by more. Of a Chebyshev net all stress is an error of the mesh, and so
+        is curvature of that size.
+        """
+        if self.scene.inextensible:
+            return self.stress
+        part = 1.0 if self.limits else min(1.0, self.stress / self.size)
+        return FLAT * part * self.stress + ROUND_OFF * self.size
 
     def _tolerance(self):
         """An interior point ends with stationarity and all c z − μ below μ, per area."""
@@ -131,7 +146,7 @@ class StationaryPoint:
         """
         system = self.system(order)
         force = system.load(self.inside, self.flat_areas[:, None] * self.cost[1])
-        tangents = [self.flat_areas[:, None, None] * self.inside.seminorm(), 0.0]
+        tangents = [self.flat_areas[:, None, None] * self.inside.norm(), 0.0]
         for number, limits in enumerate(self.limits):
             ratios = limits.slopes / limits.values[:, :, None]
             weighted = limits.weights[:, None] * ratios
@@ -169,7 +184,7 @@ class Pencil:
         tangents = [weights * point.cost[2], 0.0]
         if v.size:
             spread = inside.gradients(point.degree, system.v_by_triangle(v))
-            tangents[0] = tangents[0] + weights * changes.along(point.law, inside.strain, spread)
+            tangents[0] = tangents[0] + weights * changes.along(point.law, inside.felt, spread)
         self._barrier = np.zeros(system.size)
         for number, limits in enumerate(point.limits):
             ratios = limits.slopes / limits.values[:, :, None]
@@ -181,7 +196,7 @@ class Pencil:
             tangents[number] -= np.einsum("sn,snij->nij", shares, limits.bends)
         # A cost's unit is that of L.
         self.hessian = system.matrix(*tangents, coupled=point.size)
-        self.norm = system.matrix(weights * inside.seminorm(), coupled=0.0)
+        self.norm = system.matrix(weights * inside.norm(), coupled=0.0)
 
     def least_eigenvalue(self, flips=(0, 0)):
         """The smallest finite eigenvalue on changes of one symmetry, by Lanczos iteration.

@@ -5,7 +5,9 @@ from functools import cached_property
 import numpy as np
 
 from ..geometry.nearest import nearest_on_sheet
+from ..problem.fabric import of_place
 from ..problem.warp import parameter_direction
+from .changes import with_place
 from .elements import Space, assembled, factorised, negative_pivots
 from .patch import Points
 
@@ -85,7 +87,7 @@ class System:
     def free(self, flips=(0, 0)):
         """The unknowns to solve for, as they are eliminated, and their rows in a `matrix`.
 
-        Of a component held nowhere all but one vertex are.
+        Of a component held nowhere all but one vertex are, unless the fabric feels the place.
 
         Component i is odd across mirror i and even across the other, and so vanishes on one of
         them; a flip turns both round. The four pairs of flips are the four symmetries of a change
@@ -96,7 +98,7 @@ class System:
             for i in (0, 1) if space else ():
                 odd = [f"mirror{j + 1}" for j in (0, 1) if (i == j) != bool(flips[j])]
                 held.append(space.on(*rim, *(odd if self._point.scene.symmetric else ())))
-                if not held[-1].any():
+                if not (held[-1].any() or of_place(self._point.scene.fabric)):
                     held[-1][0] = True
         rows = np.flatnonzero(~np.concatenate(held)[self._order])
         return self._order[rows], rows
@@ -124,7 +126,8 @@ class System:
         place = patch.sheet.mesh(*theta)
         points = Points(patch, np.array([place.nr]), np.array([[place.pnt[:2]]]), None)
         along = points.gradient[0] @ parameter_direction(tangents, scene.warp)
-        return self.load(points, np.array([[0.0, 0.0, *along]]))
+        of_fall = np.array([[0.0, 0.0, *along]])
+        return self.load(points, with_place(of_fall, 1) if of_place(scene.fabric) else of_fall)
 
     def solved(self, matrix, load):
         """The solution, zero where it is not free."""

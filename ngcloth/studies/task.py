@@ -6,7 +6,6 @@ from time import perf_counter
 import ngsolve as ngs
 
 from ..errors import InputError
-from ..problem.fabric import of_strain_alone
 from ..problem.scene import Scene
 from ..result.alone import alone
 from ..result.history import Reason
@@ -16,7 +15,6 @@ from .store import BARS, FIELDS, OUTPUTS, RESULT, Store, strict
 from .warm import warmed
 
 NOT_YET = "not solved yet"
-NO_CERTIFICATE = "a fabric that depends on more than strain has no certificate"
 
 
 @alone
@@ -83,9 +81,7 @@ def _solved(make_scene, case, settings, store, neighbours):
 
 def _outcome(result):
     """The row of a result, and its certificate as a dict."""
-    bars, certificate = result.error, None
-    if of_strain_alone(result.scene.fabric):  # others have none
-        certificate = result.certificate()
+    bars, certificate = result.error, result.certificate()
     row = {
         "converged": result.converged,
         "reason": result.why,
@@ -94,10 +90,10 @@ def _outcome(result):
         "area": result.area,
         **{f"{name}_error": bars.get(name) for name in BARS},
         "steps": result.newton_iterations,
-        "certified": result.converged and certificate is not None and certificate.certified,
-        "faults": "; ".join(certificate.faults if certificate else [NO_CERTIFICATE]),
+        "certified": result.converged and certificate.certified,
+        "faults": "; ".join(certificate.faults),
         "memory": estimated_memory(result.scene, result.settings),
     }
     for name in FIELDS:
         row[f"{name}_min"], row[f"{name}_max"] = result.extrema[name]
-    return dict.fromkeys(OUTPUTS) | row, certificate and asdict(certificate)
+    return dict.fromkeys(OUTPUTS) | row, asdict(certificate)

@@ -18,6 +18,7 @@ from ngcloth.result.elements import factorised, parts_of_square
 from ngcloth.result.patch import Patch
 from ngcloth.result.stationarity import Pencil, StationaryPoint
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
+from ngcloth.solver import chain
 
 
 @cache
@@ -208,6 +209,24 @@ def test_saddle():
     assert saddle.curvature == pytest.approx(-2, abs=1e-6)
     stable = covered(lambda x, y: (x, y), fabric=Net(ks=0.5)).certificate()
     assert stable.certified and stable.curvature == pytest.approx(0, abs=1e-9)
+
+
+def test_a_saddle_of_a_shallow_cap(monkeypatch):
+    """Threads along the axes are stationary there, and turning them changes the energy by about the
+    square of a small stress: it falls by a tenth where they go along the diagonals."""
+    monkeypatch.setattr(chain, "TURNS", [])  # so that the solve stays there
+    surface = Surface(
+        lambda x, y: (x, y, -0.25 * x**2 - 0.6 * y**2), Rectangle((-0.6, 0.6), (-0.6, 0.6))
+    )
+    one, other = (
+        solve(Scene(surface, Net(ks=1.0), start=start), maxh=0.3)
+        for start in (None, lambda x, y: (x + y, y - x))
+    )
+    assert one.converged and other.converged and other.energy < 0.9 * one.energy
+    certificate = one.certificate()
+    assert len(certificate.faults) == 1 and certificate.faults[0].startswith("a saddle")
+    assert 0.001 < -certificate.curvature / certificate.stress < 0.01
+    assert other.certificate().certified
 
 
 def nose_cone():

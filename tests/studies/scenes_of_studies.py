@@ -23,7 +23,7 @@ def dome(ks, height=0.4, then="solve", notes=None):
 
 
 def other_cloth(fabric):
-    """A flat disk in cloth that has three families, or no certificate."""
+    """A flat disk in cloth that has three families, or resists bending."""
     fabrics = {
         "triaxial": ngcloth.Families((0, 60, 120)),
         "bending": ngcloth.BendingThreads(ngcloth.Net(ks=1.0), 0.1),

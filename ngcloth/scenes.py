@@ -171,7 +171,7 @@ def hemicatenoid(ks=0.0, obstacle=False, *, symmetric=None):
     )
 
 
-def part(surface, ks=0.0, shear_limit=None, obstacle=False, warp=None, at=None):
+def part(surface, ks=0.0, shear_limit=None, obstacle=False, warp=None, at=None, *, symmetric=False):
     """A surface from a CAD file or from facets.
 
     Parameters
@@ -189,6 +189,8 @@ def part(surface, ks=0.0, shear_limit=None, obstacle=False, warp=None, at=None):
         chooses.
     at : (float, float, float), optional
         A point of the surface, in space. By default one in its middle.
+    symmetric : bool
+        Whether the surface is a quarter between mirror lines, named in the file as for `Scene`.
 
     Returns
     -------
@@ -207,11 +209,19 @@ def part(surface, ks=0.0, shear_limit=None, obstacle=False, warp=None, at=None):
         raise InputError("obstacle", obstacle, allowed)
     fabric = Net(ks=ks)
     limits = _limits(fabric, shear_limit) + ((Obstacle(),) if obstacle else ())
-    scene = Scene(surface, fabric, limits, name=f"part, ks/kc = {fabric.ks:g}", warp=warp, at=at)
+    scene = Scene(
+        surface,
+        fabric,
+        limits,
+        symmetric=symmetric,
+        name=f"part, ks/kc = {fabric.ks:g}",
+        warp=warp,
+        at=at,
+    )
     if isinstance(surface, FileSurface):  # which is saved with the result
         shear_limit = None if shear_limit is None else float(shear_limit)
         arguments = {"ks": fabric.ks, "shear_limit": shear_limit, "obstacle": obstacle}
-        arguments |= {"warp": scene.warp, "at": scene.at}
+        arguments |= {"warp": scene.warp, "at": scene.at, "symmetric": symmetric}
         object.__setattr__(scene, "recipe", {"scene": "part", "arguments": arguments})
     return scene
 

@@ -176,8 +176,6 @@ def test_the_side_of_the_cloth_bears_the_obstacle(tmp_path, part):
 
 
 def test_what_a_file_cannot_have(tmp_path, part):
-    with pytest.raises(InputError, match="symmetric"):
-        Scene(part, Net(), symmetric=True)
     noisy = Surface.from_mesh(shapes.facets(20, noise=1e-2))
     with pytest.raises(InputError, match="noise"):
         Scene(noisy, Net(ks=1.0), [Obstacle()])

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from .file_surface import MIRRORS, SHARP, UNITS, FileSurface, Level, check_size
+from .file_surface import SHARP, UNITS, FileSurface, Level, check_size
+from .mirrors import MIRRORS
 from .process import KernelError, run
 
 ENDINGS = {

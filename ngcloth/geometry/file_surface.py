@@ -3,17 +3,18 @@
 import numbers
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 
 import ngsolve as ngs
 import numpy as np
 
 from ..errors import InputError, check_integer, check_number
 from ._kernel import lattice
-from .sheet import planar_mesh, sheet_through
+from .mirrors import MirrorError, mirror_lines, mirrors_of
+from .sheet import planar_mesh, sheet_through, swapped
 
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}  # in mm
 MESHES = (".stl", ".obj", ".ply", ".vtp", ".vtu")  # endings of files of facets
-MIRRORS = ("mirror1", "mirror2")  # names of edges on mirror lines
 SHARP = 5.0  # degrees
 SMALLEST = 1e-2  # mm; kernels take points within 1e-7 mm for one
 TUBE = 0.75 * np.pi  # least turning around a hole, of 2π in a plane; on a tube it is 0
@@ -126,7 +127,7 @@ class FileSurface(ABC):
             a refinement of it. Default 0.
         symmetric : bool, optional
             Whether edges of a CAD file that are named "mirror1" and "mirror2" keep these names, as
-            mirror lines. By default all edges are "rim".
+            mirror lines; they lie on θ1 = 0 and θ2 = 0. By default all edges are "rim".
 
         Returns
         -------
@@ -138,6 +139,28 @@ class FileSurface(ABC):
         levels = self.levels(maxh * 2**coarser, orders, coarser + 1)
         return _sheets(levels, self.side, symmetric)
 
+    @cached_property
+    def quarter(self):
+        """`survey` between mirror lines, as scenes with mirrors have it, and its `Mirrors`.
+
+        Raises
+        ------
+        InputError
+            If edges named "mirror1" and "mirror2" do not bound a quarter of a part.
+        """
+        from .flatten import FlatteningError
+
+        try:
+            (sheet,) = _sheets([self._surveyed], self.side, symmetric=True)
+            return sheet, mirrors_of(sheet, self.size)
+        except (MirrorError, FlatteningError) as error:
+            allowed = (
+                f"False here, where the whole part is solved: {error}. A quarter of a part has to "
+                "be cut off in CAD along its two mirror planes, and its edges there named 'mirror1'"
+                " and 'mirror2', the latter along the warp"
+            )
+            raise InputError("symmetric", True, allowed) from None
+
     def _survey(self, argument, value):
         """Look at it on a coarse mesh, and refuse what is no disk."""
         # SciPy is not imported with ngcloth: it takes time, and sets filters of warnings.
@@ -145,6 +168,7 @@ class FileSurface(ABC):
         from .topology import topology
 
         (level,) = self.levels(self.size / SURVEY, (2, 4), 1)
+        self._surveyed = level
         self.topology, turned = topology(level.triangles)
         fault = self.topology.fault or _tube(level, self.topology.rims)
         if fault:
@@ -221,19 +245,10 @@ def _sheets(levels, side, symmetric=False):
         known = level.names if symmetric else {}
         names = np.array([known.get(key, "rim") for key in keys])
         if symmetric and not charts:
-            mirrors = [np.unique(segments[names == mirror]) for mirror in MIRRORS]
-            flat = between_mirrors(flat, triangles, rims, *mirrors)
-        nodes = {order: _swapped(nodes, turned, order) for order, nodes in level.nodes.items()}
+            flat = between_mirrors(flat, triangles, rims, *mirror_lines(segments, names))
+        nodes = {order: swapped(nodes, turned, order) for order, nodes in level.nodes.items()}
         charts.append(sheet_through(planar_mesh(flat, triangles, segments, names), nodes))
     return charts
-
-
-def _swapped(nodes, turned, order):
-    """The nodes of triangles, of which some have their first two corners swapped."""
-    points = np.rint(order * lattice(order)).astype(int).tolist()
-    number = {tuple(point): i for i, point in enumerate(points)}
-    swap = [number[j, i] for i, j in points]
-    return np.where(turned[:, None, None], nodes[:, swap], nodes)
 
 
 def _tube(level, rims):

@@ -59,7 +59,7 @@ def is_embedding(flat, triangles, rims):
 
 
 def between_mirrors(flat, triangles, rims, first, second):
-    """A flat surface moved so that two parts of its rim are straight, and cross at the origin.
+    """A flat surface moved so that two parts of its rim lie along two sides of one quadrant.
 
     Parameters
     ----------
@@ -71,11 +71,12 @@ def between_mirrors(flat, triangles, rims, first, second):
     Returns
     -------
     ndarray, (n, 2)
+        With θ1 > 0 where the mirror lines do not meet, and θ2 of one sign.
 
     Raises
     ------
     FlatteningError
-        If that flips triangles.
+        If that flips triangles, or some of them leave the quadrant.
     """
     (corner,) = np.intersect1d(first, second)
     flat = flat - flat[corner]
@@ -90,7 +91,9 @@ def between_mirrors(flat, triangles, rims, first, second):
             -laplacian[free][:, line] @ off[line]
         )
         flat[:, axis] -= off
-    if not is_embedding(flat, triangles, rims):
+    others = [np.delete(flat[:, axis], line) for axis, line in enumerate((first, second))]
+    within = others[0].min() > 0 and others[1].min() * others[1].max() > 0
+    if not (within and is_embedding(flat, triangles, rims)):
         raise FlatteningError("its mirror lines, laid straight, fold it")
     return flat
 

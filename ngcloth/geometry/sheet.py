@@ -112,6 +112,14 @@ def planar_mesh(flat, triangles, segments, names):
     return ngs.Mesh(mesh)
 
 
+def swapped(nodes, turned, order):
+    """The nodes of triangles, of which some have their first two corners swapped."""
+    points = np.rint(order * lattice(order)).astype(int).tolist()
+    number = {tuple(point): i for i, point in enumerate(points)}
+    swap = [number[j, i] for i, j in points]
+    return np.where(turned[:, None, None], nodes[:, swap], nodes)
+
+
 def mesh_points(mesh, triangles, reference):
     """NGSolve's points of a mesh by numbers of triangles (n,) and reference coordinates (n, 2)."""
     corner = ngs.IntegrationRule([(0.0, 0.0)], [0.0])

@@ -4,6 +4,9 @@ import ngsolve as ngs
 import numpy as np
 
 from ..errors import check_number
+from ..geometry.mirrors import SIGNS
+from ..geometry.sheet import mesh_points
+from ..problem.domain import MirroredDomain
 from ..problem.fabric import directions
 from ..problem.kinematics import Kinematics, gradient
 from .fibres import fibres as fibres
@@ -120,7 +123,7 @@ def threads(result, path, pitch=None):
     first = np.cumsum(lengths) - lengths
     cells = [np.r_[n, i : i + n] for i, n in zip(first, lengths, strict=True)]
     places = {
-        "position": result.evaluate(result.sheet.position, theta),
+        "position": result.evaluate(result.whole.position, theta),
         "psi": _in_space(result.psi(*theta.T)),
     }
     for file, points in zip(files, places.values(), strict=True):
@@ -176,7 +179,7 @@ def surface(result, path, tolerance=None):
     check_number("tolerance", tolerance, 1e-6 * size, 0.1 * size)
     theta, triangles = tessellation(result, tolerance)
     psi = result.psi(*theta.T)
-    places = (result.evaluate(result.sheet.position, theta), _in_space(psi))
+    places = (result.evaluate(result.whole.position, theta), _in_space(psi))
     for file, points, side in zip(files, places, (result.sheet.side, 1), strict=True):
         write_file(file, written(points, triangles[:, ::side], psi))
     return files
@@ -209,7 +212,7 @@ def element_fields(result, points):
     cloth = Kinematics(gradient(*flat), *tensors, flat)
     rule = ngs.IntegrationRule([tuple(point) for point in points], [0.0] * len(points))
     mapped = mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)
-    signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)][: scene.copies])[:, None, None, :]
+    signs = SIGNS[: scene.copies, None, None, :]
 
     def at(expression):
         values = np.asarray(expression.Compile()(mapped))
@@ -220,13 +223,16 @@ def element_fields(result, points):
 
     def on_surface(expression):
         # At edges between triangles, those of a file's surface have two values.
+        if isinstance(result.domain, MirroredDomain):
+            values = np.asarray(expression(_in_images(result, points)))
+            return values.reshape(*theta.shape[:2], *expression.dims)
         return at(expression) if scene.copies == 1 else result.evaluate(expression, theta)
 
     centre = result.domain.centre
     theta = np.concatenate(centre + signs * (at(ngs.CF((ngs.x, ngs.y))) - centre))
     psi = np.concatenate(signs * at(ngs.CF(tuple(flat))))
     slopes = np.concatenate(signs[..., :, None] * signs[..., None, :] * at(cloth.gradient))
-    tangents = on_surface(ngs.CF(sheet.tangents, dims=(2, 3)))
+    tangents = on_surface(ngs.CF(result.whole.tangents, dims=(2, 3)))
     lines = directions(scene.fabric)
     threads = lines[:2] @ np.swapaxes(np.linalg.inv(slopes), -1, -2) @ tangents
     stretches = np.linalg.norm(threads, axis=-1)
@@ -235,7 +241,7 @@ def element_fields(result, points):
     fields = {
         "theta": theta,
         "psi": _in_space(psi),
-        "position": on_surface(sheet.position),
+        "position": on_surface(result.whole.position),
         "warp": warp,
         "weft": weft,
         "stretch1": stretches[..., 0],
@@ -253,6 +259,14 @@ def element_fields(result, points):
             active = slack < ACTIVE * slack.max()
             fields[name.replace(" ", "_")] = joined(active.astype(np.uint8))
     return fields
+
+
+def _in_images(result, points):
+    """Points of `Result.whole` at the same points (m, 2) of every element, image after image."""
+    mesh, points = result.whole.mesh, np.asarray(points, dtype=float)
+    turned = np.repeat(SIGNS.prod(axis=1) < 0, mesh.ne // len(SIGNS))
+    reference = np.where(turned[:, None, None], points[:, ::-1], points)
+    return mesh_points(mesh, np.repeat(np.arange(mesh.ne), len(points)), reference.reshape(-1, 2))
 
 
 def thread_lines(result, pitch):
@@ -337,7 +351,7 @@ def _lagrange_nodes(order):
 def _size(result):
     """The diagonal of a box around the surface."""
     theta, _ = sample(result, 12)
-    return float(np.linalg.norm(np.ptp(result.evaluate(result.sheet.position, theta), axis=0)))
+    return float(np.linalg.norm(np.ptp(result.evaluate(result.whole.position, theta), axis=0)))
 
 
 def _in_space(flat):

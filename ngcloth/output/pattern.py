@@ -203,7 +203,7 @@ def pinning_marks(result, n, unit_mm=1.0):
     if check_integer("n", n, 0) == 0:
         return Marks(np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 3)))
     theta = result.domain.rim(n)
-    space = result.evaluate(result.sheet.position, theta)
+    space = result.evaluate(result.whole.position, theta)
     return Marks(np.arange(1, n + 1), unit_mm * result.psi(*theta.T), theta, unit_mm * space)
 
 

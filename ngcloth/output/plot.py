@@ -273,7 +273,7 @@ def central_frame(result):
     At the centre of the domain: the first along θ1, as the warp of a symmetric patch, the third
     along the normal. The second is along the weft or, where `Surface.side` is -1, against it.
     """
-    centre, sheet = result.domain.centre, result.sheet
+    centre, sheet = result.domain.centre, result.whole
     along, normal = (result.evaluate(each, centre) for each in (sheet.tangents[0], sheet.normal))
     along = along - (along @ normal) * normal  # of a file's, the normal is the more precise
     warp = along / np.linalg.norm(along)

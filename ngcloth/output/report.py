@@ -220,7 +220,7 @@ def _cloth(result, fields, limits):
     frame = central_frame(result)
     points, normals = (
         result.evaluate(each, theta) @ frame.T
-        for each in (result.sheet.position, result.sheet.normal)
+        for each in (result.whole.position, result.whole.normal)
     )
     points -= (points.min(axis=0) + points.max(axis=0)) / 2
     points /= np.linalg.norm(points, axis=1).max()

@@ -56,7 +56,7 @@ def tessellation(result, tolerance):
 def _places(result, theta):
     """Where points are on the surface and on the patch, (n, 6), the last component 0."""
     flat = result.psi(*theta.T)
-    position = result.evaluate(result.sheet.position, theta)
+    position = result.evaluate(result.whole.position, theta)
     return np.column_stack([position, flat, np.zeros(len(flat))])
 
 

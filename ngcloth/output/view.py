@@ -106,7 +106,7 @@ def cloth(
         tubes = lines.tube(radius=0.0016 * mesh.length, n_sides=8)
         plotter.add_mesh(tubes, color="dimgray" if field else colour, smooth_shading=True)
     for rim in rims(result.domain, 4 * rings):
-        points = result.evaluate(result.sheet.position, rim)
+        points = result.evaluate(result.whole.position, rim)
         edge = pv.lines_from_points(points, close=True)
         plotter.add_mesh(edge.tube(radius=0.0025 * mesh.length, n_sides=8), color="black")
 
@@ -162,7 +162,7 @@ def _window(off_screen):
 def _sampled_surface(result, rings):
     """The surface as triangles, with θ and ψ at each point."""
     theta, triangles = sample(result, rings)
-    points = result.evaluate(result.sheet.position, theta)
+    points = result.evaluate(result.whole.position, theta)
     mesh = pv.PolyData.from_regular_faces(points, triangles)
     mesh.point_data["theta"], mesh.point_data["psi"] = theta, result.psi(*theta.T)
     return mesh

@@ -21,6 +21,7 @@ class Domain:
     """
 
     holes = 0
+    quarter = (1, 1)  # the signs of θ − centre in the quarter that is meshed in scenes with mirrors
 
     @property
     def centre(self):
@@ -329,3 +330,29 @@ class MeshDomain(Domain):
             near[some] = np.take_along_axis(feet, least[:, None, None], axis=1)[:, 0]
             beside[some] = self._beside[least]
         return near, beside
+
+
+class MirroredDomain(MeshDomain):
+    """A region and its images across the lines θ1 = 0 and θ2 = 0.
+
+    Parameters
+    ----------
+    mesh : ngsolve.Mesh
+        Of all four.
+    quarter : (int, int)
+        See `Domain`.
+
+    Notes
+    -----
+    `rims` start on the axis θ2 = 0 outside, so that as many points of `rim` as can be divided by
+    four are symmetric.
+    """
+
+    centre = np.zeros(2)
+
+    def __init__(self, mesh, quarter):
+        super().__init__(mesh)
+        self.quarter = quarter
+        outer = self.rims[0]
+        ahead = np.where(outer[:, 1] == 0, outer[:, 0], -np.inf)
+        self.rims[0] = np.roll(outer, -int(np.argmax(ahead)), axis=0)

@@ -52,7 +52,9 @@ class Scene:
         held to in-plane equilibrium even without constraints.
     symmetric : bool, optional
         Solve on a quarter of the domain, with mirror lines through its centre: ψ1 odd and ψ2 even
-        across θ1 = centre, ψ2 odd and ψ1 even across θ2 = centre. Default False; for charts only.
+        across θ1 = centre, ψ2 odd and ψ1 even across θ2 = centre. A file has to hold the quarter
+        alone, from CAD, its edges in the mirror planes θ1 = 0 and θ2 = 0 named "mirror1" and
+        "mirror2"; the result is the whole patch. Default False.
     tie_break : float, optional
         For surfaces whose Chebyshev net is not unique: choose one by adding ε/2 times ∫ |∇∇∇ψ|²
         (as the variation of ∇∇ψ in each element, and with a little of ∫ |∇∇ψ|²) to E/kc, and so
@@ -136,7 +138,7 @@ class Scene:
             allowed = "0 with constraints, a cost, or a direction of the warp"
             raise InputError("tie_break", self.tie_break, allowed)
         slopes = self._check_start()
-        if self.symmetric:
+        if self.symmetric and isinstance(self.surface, Surface):
             self._check_mirrors()
         laws = {type(each) for each in (self.fabric, *self.constraints)}
         # The derivatives and the symmetry of these are known; an obstacle feels the curvature, too.
@@ -269,7 +271,9 @@ class Scene:
             tuple(psi.Diff(theta) for psi in (psi1, psi2) for theta in (ngs.x, ngs.y)), dims=(2, 2)
         )
         whole = isinstance(self.surface, Surface)
-        sheet = self.surface if whole else self.surface.survey
+        sheet = self.surface
+        if not whole:
+            sheet = sheet.quarter[0] if self.symmetric else sheet.survey
         tensors = sheet.metric, self.fabric, lambda: sheet.curvature
         cloth = Kinematics(slopes, *tensors, (psi1, psi2))
         checked = ngs.CF((cloth.jacobian, cloth.energy))
@@ -297,12 +301,14 @@ class Scene:
                 "start", self.start, f"the fabric has no finite energy there at θ = {where}"
             )
         if self.symmetric:
-            psi, domain = ngs.CF((psi1, psi2)), self.surface.domain
-            here = self.surface.evaluate(psi, points)
+            psi, chart = ngs.CF((psi1, psi2)), self.tried_on
+            domain = chart.domain
+            points = domain.sample()
+            here = chart.evaluate(psi, points)
             for axis, flip in enumerate([(-1, 1), (1, -1)]):
                 image = points.copy()
                 image[:, axis] = 2 * domain.centre[axis] - image[:, axis]
-                there = self.surface.evaluate(psi, image) * flip
+                there = chart.evaluate(psi, image) * flip
                 if not np.allclose(here, there, atol=1e-9 * np.abs(here).max()):
                     raise InputError(
                         "start", self.start, "a map with the mirror symmetry of the scene"
@@ -312,7 +318,7 @@ class Scene:
     def _check_file(self):
         """What cannot be asked of a surface from a file."""
         if self.symmetric:
-            raise InputError("symmetric", True, "False for a surface from a file")
+            _ = self.surface.quarter  # is checked there
         if not any(isinstance(limit, Obstacle) for limit in self.constraints):
             return
         sharp, noise = self.surface.sharp, self.surface.rough
@@ -326,7 +332,8 @@ class Scene:
         if isinstance(self.surface, FileSurface):
             domain = str(self.surface).partition("\n")[0]
         else:
-            domain = f"{self.surface.domain}" + (", one quarter" if self.symmetric else "")
+            domain = f"{self.surface.domain}"
+        domain += ", one quarter" if self.symmetric else ""
         terms = ["E(ψ), the strain energy" if self.cost is None else "∫ J χ, a cost of its own"]
         if self.net_choice:
             evenest = f"ε/2 ∫ |∇∇∇ψ|² down to ε = {self.net_choice:g}, to choose the evenest net"

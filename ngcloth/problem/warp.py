@@ -31,6 +31,9 @@ def checked_warp(scene):
             raise InputError("at", scene.at, "None without a direction of the warp")
         return None, None
     surface, direction = scene.surface, _triple("warp", scene.warp)
+    if scene.symmetric and isinstance(surface, FileSurface):
+        allowed = "None in a scene with mirrors: where these meet, it runs along the edge 'mirror2'"
+        raise InputError("warp", scene.warp, allowed)
     if not np.abs(direction).max() > 0:
         raise InputError("warp", scene.warp, "a direction in space, not zero")
     direction = direction / np.abs(direction).max()
@@ -64,9 +67,11 @@ def in_words(triple):
     return "({:.4g}, {:.4g}, {:.4g})".format(*(np.round(triple, 9) + 0.0))
 
 
-def middle(surface):
-    """A point in the middle of the surface, in space, (3,)."""
+def middle(surface, symmetric=False):
+    """A point in the middle of the surface, in space, (3,); with mirrors, where these meet."""
     if isinstance(surface, FileSurface):
+        if symmetric:
+            return surface.quarter[1].corner
         sheet = surface.survey
         return np.array(sheet.position(sheet.mesh(*MeshDomain(sheet.mesh).centre)))
     return surface.evaluate(surface.position, surface.domain.centre)

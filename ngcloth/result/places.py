@@ -14,7 +14,7 @@ FOUND = 1e-9  # of the size: from the patch, where a point lies on it
 
 def flatten(result, points):
     """See `Result.flatten`."""
-    points, sheet = _checked("points", points, 3), result.sheet
+    points, sheet = _checked("points", points, 3), result.whole
     slopes = ngs.CF(sheet.tangents, dims=(2, 3))
 
     def place(theta):
@@ -42,7 +42,7 @@ def lay(result, flat):
     theta, distance = _nearest(
         result, targets[here], lambda theta: result.psi(*theta.T), result.slopes
     )
-    found = result.evaluate(result.sheet.position, theta)
+    found = result.evaluate(result.whole.position, theta)
     found[distance > FOUND * size] = np.nan
     points[here] = found
     return points.reshape(flat.shape[:-1] + (3,))

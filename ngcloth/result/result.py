@@ -8,11 +8,12 @@ import numpy as np
 
 from ..errors import InputError, check_integer
 from ..geometry.file_surface import FileSurface
+from ..geometry.mirrors import with_images
 from ..geometry.nearest import nearest_on_sheet
 from ..geometry.sheet import Sheet, lattice
 from ..problem.bars import UNKNOWN
 from ..problem.constraints import LimitPoints
-from ..problem.domain import MeshDomain
+from ..problem.domain import MeshDomain, MirroredDomain
 from ..problem.kinematics import Kinematics, gradient
 from ..problem.scene import Scene
 from ..problem.warp import middle, on_surface
@@ -129,17 +130,39 @@ class Result(TakenAway):
 
     @cached_property
     def domain(self):
-        """The parameter domain: the chart's, or the flat copy of the mesh on a file's surface."""
-        surface = self.scene.surface
-        return MeshDomain(self._mesh) if isinstance(surface, FileSurface) else surface.domain
+        """The parameter domain: the chart's, or the flat copy of the mesh on a file's surface.
+
+        With mirrors, mirror images are part of it.
+        """
+        if not self._from_file:
+            return self.scene.surface.domain
+        if not self.scene.symmetric:
+            return self._meshed
+        quarter = np.sign(self._meshed.triangles.mean(axis=(0, 1)))
+        return MirroredDomain(self.whole.mesh, quarter)
+
+    @cached_property
+    def whole(self):
+        """The surface on all of `domain`: `sheet`, with mirror images where a file has none."""
+        if self._from_file and self.scene.symmetric:
+            return with_images(self.sheet, self.scene.surface.quarter[1])
+        return self.sheet
+
+    @property
+    def _from_file(self):
+        return isinstance(self.scene.surface, FileSurface)
+
+    @cached_property
+    def _meshed(self):
+        return MeshDomain(self._mesh)
 
     def evaluate(self, expression, theta):
-        """Values of an expression of `sheet` at points of the domain.
+        """Values of an expression of `whole` at points of the domain.
 
         Parameters
         ----------
         expression : CoefficientFunction
-            Such as ``result.sheet.position``.
+            Such as ``result.whole.position``.
         theta : array_like, (..., 2)
             Points of the closed domain, rim and mirror images included.
 
@@ -147,9 +170,9 @@ class Result(TakenAway):
         -------
         ndarray, (...) + expression.dims
         """
-        surface, theta = self.scene.surface, np.asarray(theta, dtype=float)
-        if not isinstance(surface, FileSurface):
-            return surface.evaluate(expression, theta)
+        theta = np.asarray(theta, dtype=float)
+        if not self._from_file:
+            return self.scene.surface.evaluate(expression, theta)
         values = _at(expression.Compile(), self.domain.located(theta.reshape(-1, 2)))
         return values.reshape(theta.shape[:-1] + tuple(expression.dims))
 
@@ -208,9 +231,8 @@ class Result(TakenAway):
     def middle(self):
         """Parameters, point and ∂φ/∂θ where `warp` is told."""
         surface, given = self.scene.surface, self.scene.at
-        at = middle(surface) if given is None else np.array(given)
-        file = isinstance(surface, FileSurface)
-        return nearest_on_sheet(self.sheet, at) if file else on_surface(surface, at)
+        at = middle(surface, self.scene.symmetric) if given is None else np.array(given)
+        return nearest_on_sheet(self.sheet, at) if self._from_file else on_surface(surface, at)
 
     def field(self, name, theta1, theta2):
         """A field of the cloth at parameter points.
@@ -240,9 +262,9 @@ class Result(TakenAway):
     def outline(self, n=400, hole=0):
         """`n` points along the rim of the whole flat patch, shape (n, 2).
 
-        They start at the largest θ1 on the axis θ2 = centre, for files at the largest of all, and
-        run counter-clockwise in θ. The curve is closed: the first point follows the last and is
-        not repeated.
+        They start at the largest θ1 on the axis θ2 = centre, for files without mirrors at the
+        largest of all, and run counter-clockwise in θ. The curve is closed: the first point
+        follows the last and is not repeated.
 
         Around a `hole`, numbered from 1 to ``result.domain.holes``, they run clockwise.
         """
@@ -346,8 +368,9 @@ class Result(TakenAway):
             raise InputError("theta", tuple(theta[outside][0].tolist()), f"a point of {domain}")
         sign = np.ones_like(theta)
         if self.scene.symmetric:
-            sign[theta < domain.centre] = -1
-            theta = domain.centre + np.abs(theta - domain.centre)
+            away = theta - domain.centre
+            sign[away * domain.quarter < 0] = -1
+            theta = domain.centre + sign * away
         return theta.reshape(-1, 2), sign
 
     def _located(self, theta):
@@ -356,8 +379,8 @@ class Result(TakenAway):
         Curved elements follow the rim up to interpolation error: points of the rim may lie
         outside every element by as much, and are approached from the centre.
         """
-        if isinstance(self.scene.surface, FileSurface):
-            return self.domain.located(theta), np.zeros_like(theta)
+        if self._from_file:
+            return self._meshed.located(theta), np.zeros_like(theta)
         centre = self.domain.centre
         inside, points = theta.copy(), self._mesh(*theta.T)
         if self.scene.symmetric:

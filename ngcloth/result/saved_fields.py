@@ -6,6 +6,7 @@ import numpy as np
 from netgen.occ import OCCGeometry
 
 from ..geometry.file_surface import FileSurface, curvature_order
+from ..geometry.mirrors import MIRRORS
 from ..geometry.sheet import planar_mesh, sheet_through
 from ..problem.constraints import LimitPoints
 from .save import LIMIT, at_nodes
@@ -70,8 +71,13 @@ def saved_sheet(scene, fields, order):
     """The surface on the mesh of the solve."""
     if not isinstance(scene.surface, FileSurface):
         return scene.surface.on(_mesh(scene, fields, order))
-    vertices, triangles, ends = fields["vertices"], fields["triangles"], fields["segments"][:, :2]
-    mesh = planar_mesh(vertices, triangles, ends, np.full(len(ends), "rim"))
+    vertices, triangles, segments = (fields[n] for n in ("vertices", "triangles", "segments"))
+    ends, names = segments[:, :2], np.full(len(segments), "rim")
+    if scene.symmetric:  # on the axes, and nowhere else
+        on = (vertices[ends] == 0).all(axis=1)
+        for axis, mirror in enumerate(MIRRORS):
+            names[on[:, axis]] = mirror
+    mesh = planar_mesh(vertices, triangles, ends, names)
     nodes = {each: fields[f"nodes{each}"] for each in (order, curvature_order(order))}
     return sheet_through(mesh, nodes)
 

@@ -11,10 +11,9 @@ from .start import dilate
 DAMPING = 0.05
 LEAST_ANGLE_SINE = 0.0314  # sin 1.8°: what a mesh of default size shows at a collapse
 UNRESOLVED = 0.1  # strain that inextensible threads cannot have
-# The Hessian takes over from Gauss-Newton where a step has less than the first of L in sight, and
-# brings another decrease than it promised, but not one of negative curvature. It stays while it
-# accepts steps of at least `LONG`.
-NEAR, FAITHFUL, CONVEX, LONG = 0.1, (0.7, 1.4), 2.0, 0.25
+# The Hessian takes over from Gauss-Newton where a step has less than this fraction of L in sight. It
+# stays as long as it is convex.
+NEAR = 0.1
 ROUND_OFF_OF_VALUE = 1e-14
 ROUND_OFF = 1e-26  # energy per area of strains of 1e-13
 
@@ -56,7 +55,8 @@ def adaptive_flow(problem, recorder, phase, tolerance, at_most=math.inf):
         if exact and step.length == 0:  # not convex here
             exact = False
             continue
-        exact = step.length >= LONG if exact else _unfaithful(problem, step)
+        near = step.decrement <= NEAR * problem.value()
+        exact = exact or (problem.gauss_newton and near)
         # Below the round-off of L the line search decides by chance; the decrement still tells.
         small = tolerance if boost == 1 else ROUND_OFF_OF_VALUE / boost
         at_rest = step.decrement <= small * problem.value() + floor
@@ -88,13 +88,6 @@ def adaptive_flow(problem, recorder, phase, tolerance, at_most=math.inf):
         if boost > 1e15:
             return Reason.STALLED
     return recorder.why
-
-
-def _unfaithful(problem, step):
-    """Whether a step near the end was of Gauss-Newton, and not what it promised."""
-    faithful = step.length == 1 and FAITHFUL[0] < step.ratio < FAITHFUL[1]
-    near = step.decrement <= NEAR * problem.value()
-    return problem.gauss_newton and near and not faithful and step.ratio < CONVEX
 
 
 def collapsed(problem):

@@ -7,8 +7,7 @@ import numpy as np
 from ..errors import InputError
 
 STRETCHED = 10.0  # cost per area over kc above which a start is dilated
-# Rigid steps go on while each lowers the cost to less than this fraction; but no more of them.
-WORTHWHILE, RIGID_STEPS = 0.99, 30
+RIGID_STEPS = 30  # at most; they go on while each lowers the cost
 
 
 def near_start(problem, recorder):
@@ -80,7 +79,7 @@ def flatten(problem):
         before.data = psi
         problem.rigid_step()
         cost = problem.cost()
-        if not (problem.least_jacobian() > 0 and cost < WORTHWHILE * last):
+        if not (problem.least_jacobian() > 0 and cost < last):
             psi.data = before
             break
         last = cost

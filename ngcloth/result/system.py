@@ -11,7 +11,7 @@ from .changes import with_place
 from .elements import Space, assembled, factorised, negative_pivots
 from .patch import Points
 
-SOFT = 1e-10  # on the diagonal of v, over what couples it to ψ, for lack of pivoting
+SOFT = 1e-13  # on the diagonal of v, over what couples it to ψ, for lack of pivoting
 REFINEMENTS = 4  # that undo this, or a shift
 
 

@@ -104,6 +104,17 @@ def test_barrier_too_strong():
     assert len(certificate.faults) == 1 and "barrier" in certificate.faults[0]
 
 
+def test_long_triangles_are_balanced_as_well():
+    """What is put on the diagonal of v, for lack of pivoting, is no force: on a chart that is long
+    in one direction it was a thousand times what is left of dL."""
+    surface = Surface(
+        lambda x, y: (ngs.cosh(y) * ngs.cos(x / 100), ngs.cosh(y) * ngs.sin(x / 100), y),
+        Rectangle((0, 100 * np.pi), (-1, 1)),
+    )
+    scene = Scene(surface, Net(ks=1.0), (Elongation(),), symmetric=True)
+    assert solve(scene, maxh=50).certificate().stationarity < 1e-6
+
+
 def test_no_net_beyond_the_singular_portion():
     """Stationary on its mesh, and far from it in a richer space."""
     certificate = solve(sphere(0.9), maxh=0.2).certificate()

@@ -11,6 +11,11 @@ singularity, by elements of order 2. Columns:
     higher energy    solves that converge in a worse minimum than by the solver as it is
     CPU seconds      of all solves, one thread; they depend on what else the machine does
 
+What changes nothing here is there for scenes that these are not: `LASTING_RATE` and `PATIENCE` for
+limits that leave hardly any room (85 % of the sphere on fine meshes, shear a million times as stiff
+as threads), `GAIN` for saddles, `SETTLED` and `ROUND_OFF` for costs that fall for ever and for what
+can be unrolled, `UNRESOLVED` to name singular nets. The filter is what says that a step is no good.
+
 Switching off is a value in the tables below, at which a constant has no effect, or None where it
 has one at every value. Run from the repository:
 
@@ -257,7 +262,7 @@ def _change(key):
 
 def page(lines, number):
     """The page, Markdown."""
-    columns = __doc__.split("Columns:\n\n")[1].split("\n\n")[0].splitlines()
+    columns, reasons = __doc__.split("Columns:\n\n")[1].split("\n\n")[:2]
     return "\n".join(
         [
             "# Constants and branches of the solver, one at a time",
@@ -266,7 +271,9 @@ def page(lines, number):
             f"{ngs.__version__}: {number} solves by each changed solver, with a budget of {BUDGET} "
             "Newton steps each.",
             "",
-            *("- " + re.sub(" {2,}", ": ", column.strip()) for column in columns),
+            *("- " + re.sub(" {2,}", ": ", column.strip()) for column in columns.splitlines()),
+            "",
+            *reasons.splitlines(),
             "",
             markdown(lines),
             "",

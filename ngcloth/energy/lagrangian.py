@@ -20,6 +20,8 @@ class Lagrangian(Discretisation):
         Whether `hessian` is the Gauss-Newton matrix of a Chebyshev scene, unless asked otherwise.
     """
 
+    slack_names, multipliers = (), 0  # there are none
+
     def __init__(self, scene, sheet, order, quadrature, inverse, gauss_newton):
         super().__init__(scene, sheet, order, quadrature, inverse)
         here = self._kinematics(self.state.components)
@@ -32,6 +34,8 @@ class Lagrangian(Discretisation):
         if gauss_newton:
             self._squares = self._sum_of_squares(cloth, here)
         self._tie_break = _uneven_bending(self.fes) if scene.tie_break else None
+
+        self.psi_dofs, self.multiplier_flow = slice(0, len(self.unknowns)), self.flow
 
     # What the loops ask -------------------------------------------------------------------
 
@@ -76,6 +80,10 @@ class Lagrangian(Discretisation):
     def least_jacobian(self):
         """The least J over all integration points; NaN if it is not finite somewhere."""
         return self.points.sample(self._jacobian).min()
+
+    def stiffness(self):
+        """Of what couples ψ and v: zero, without v."""
+        return 0.0
 
     def largest_shear(self):
         """The largest |γ| over all integration points."""

@@ -8,7 +8,9 @@ from ..result.history import Reason
 from .interior_point import GAIN, interior_point
 from .meshes import COARSER, make_sheets
 from .net_choice import chosen_net
+from .saddle_exit import leave_saddle
 from .saddle_flow import saddle_flow
+from .saddle_system import SaddleSystem
 from .settings import FLOWS, LINEARISATIONS
 from .size import check_memory
 
@@ -75,10 +77,19 @@ def run(problem, recorder, coarser, solved):
     flow = FLOWS[settings["schedule"]]
     if scene.tie_break:
         return chosen_net(problem, recorder, flow, tolerance)
-    reason = flow(problem, recorder, "flow", tolerance)
-    while reason is Reason.CONVERGED and not scene.symmetric and _turn(problem):
+    reason, saddle = flow(problem, recorder, "flow", tolerance), np.inf
+    while reason is Reason.CONVERGED and not scene.symmetric:
+        cost = problem.cost()
+        if not (saddle - cost > GAIN * abs(cost) and (_turn(problem) or _leave(problem))):
+            break
+        saddle = cost
         reason = flow(problem, recorder, "flow", tolerance)
     return reason
+
+
+def _leave(problem):
+    """Move off a saddle; whether it is one."""
+    return leave_saddle(problem, SaddleSystem(problem), problem.hessian(exact=True))
 
 
 def _turn(problem):

@@ -6,7 +6,9 @@ import numpy as np
 
 from ..result.lanczos import lanczos
 
-FLAT = 0.04  # of the root of cost per area, about 1 % of the stress: curvature that counts as zero
+# Curvature that counts as zero: of the root of cost per area, about 1 % of the stress; without
+# limits of the cost per area, by which turning the cloth changes it.
+FLAT, FLAT_WITHOUT_LIMITS = 0.04, 0.02
 LEAST_FLAT, STEEPEST = 1e-6, 1e6
 FAR = 0.1  # the change of ∇ψ, root mean square, of a step off a saddle
 
@@ -16,7 +18,7 @@ def leave_saddle(problem, system, matrix):
 
     Parameters
     ----------
-    problem : ConstrainedLagrangian
+    problem : ConstrainedLagrangian or Lagrangian
         At a stationary point. Its `state` is moved if that is a saddle.
     system : SaddleSystem
         Of the problem.
@@ -48,7 +50,9 @@ def leave_saddle(problem, system, matrix):
 
 def _falling(problem, system, matrix):
     """The change of ψ, of norm 1, of least curvature; None where that is not negative."""
-    shift, added = max(FLAT * np.sqrt(abs(problem.cost()) / problem.area), LEAST_FLAT), 0.0
+    cost = abs(problem.cost()) / problem.area
+    flat = FLAT * np.sqrt(cost) if problem.slack_names else FLAT_WITHOUT_LIMITS * cost
+    shift, added = max(flat, LEAST_FLAT), 0.0
     while shift < STEEPEST:
         matrix.AsVector().data += (shift - added) * problem.flow.AsVector()
         solve = system.solver(matrix)

@@ -8,6 +8,7 @@ from discretising import assert_strictly_feasible, discretised, vector
 
 import ngcloth
 from ngcloth import (
+    BendingThreads,
     Disk,
     Elongation,
     InputError,
@@ -215,6 +216,23 @@ def test_a_saddle_is_left(bend):
     assert result.energy == pytest.approx(0.0082, rel=0.01)
     (x, y), (x0, y0) = result.psi([1e-3, 0.0], [0.0, 0.0])
     assert abs(np.degrees(np.arctan2(abs(y - y0), abs(x - x0))) - 45) < 2
+
+
+@pytest.mark.parametrize(
+    "curvatures, domain, fabric, least",
+    [
+        ((0.25, 0.6), Rectangle((-0.6, 0.6), (-0.6, 0.6)), Net(ks=1.0), 0.001284),
+        ((0.3, 0.4), Disk(), BendingThreads(Net(ks=1.0), 0.05, 0.02), 0.068324),
+    ],
+)
+def test_a_saddle_is_left_without_limits(curvatures, domain, fabric, least):
+    """The threads turn on the surface from the axes, at 0.001447 and 0.068930, to the diagonals; no
+    turn of the patch in its plane lowers the cost."""
+    a, b = curvatures
+    surface = Surface(lambda x, y: (x, y, -a * x**2 - b * y**2), domain)
+    for start in (None, lambda x, y: (x + y, y - x)):
+        result = solve(Scene(surface, fabric, start=start), maxh=0.3)
+        assert result.converged and result.energy == pytest.approx(least, rel=1e-3)
 
 
 @pytest.mark.parametrize("degrees", [20, 45])

@@ -11,8 +11,8 @@ from .start import dilate
 DAMPING = 0.05
 LEAST_ANGLE_SINE = 0.0314  # sin 1.8°: what a mesh of default size shows at a collapse
 UNRESOLVED = 0.1  # strain that inextensible threads cannot have
-# The Hessian takes over from Gauss-Newton where a step has less than this fraction of L in sight. It
-# stays as long as it is convex.
+# The Hessian takes over from Gauss-Newton where a step has less than this fraction of L in sight,
+# for as long as it is convex.
 NEAR = 0.1
 ROUND_OFF_OF_VALUE = 1e-14
 ROUND_OFF = 1e-26  # energy per area of strains of 1e-13

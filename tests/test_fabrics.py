@@ -447,6 +447,22 @@ def test_growth_that_cannot_be(growth, allowed):
     assert error.value.argument == "fabric" and allowed in error.value.allowed
 
 
+def test_cloth_that_grows_without_bound_holds_no_patch():
+    """The farther from X = 0, the smaller the patch and its energy: there is no optimum."""
+    fabric = Swollen(Net(ks=1.0), lambda X1, X2: (1 + 0.05 * X1, 1.0))
+    result = ngcloth.solve(ngcloth.Scene(Surface(cap, Disk()), fabric), maxh=0.6, order=2)
+    assert result.reason is ngcloth.Reason.ADRIFT and result.newton_iterations < 100
+    assert np.abs(result.psi(0.0, 0.0)).max() > 100
+
+
+def test_cloth_that_grows_within_bounds_is_covered_where_that_costs_least():
+    """Threads that are longest where sin 2X1 = 1."""
+    fabric = Swollen(Net(ks=1.0), lambda X1, X2: (1 + 0.1 * ngs.sin(2 * X1), 1.0))
+    result = ngcloth.solve(ngcloth.Scene(Surface(cap, Disk()), fabric), maxh=0.6, order=2)
+    assert result.converged
+    assert result.psi(0.0, 0.0)[0] == pytest.approx(np.pi / 4, abs=0.02)
+
+
 @dataclass(frozen=True)
 class Zones:
     """A net with a soft middle."""

@@ -12,6 +12,8 @@ from ..problem.kinematics import gradient
 from ..problem.warp import HeldDirection, HeldInverse
 from .sampling import Points
 
+FAR = 100  # sizes of the surface
+
 
 def of_state(evaluate):
     """Make a method keep its last value, and return it for as long as `unknowns` are the same."""
@@ -91,6 +93,13 @@ class Discretisation:
         self._metric = self._frozen_symmetric(sheet.metric)
         self.area = ngs.Integrate(ngs.sqrt(ngs.Det(self._metric)) * self.points.dx, mesh)
         self.flow = self._h1_matrix(0)
+
+    @property
+    def adrift(self):
+        """Whether ψ is far from where it began, in cloth that differs from place to place."""
+        if self.scene.symmetric or not of_place(self.scene.fabric):
+            return False
+        return max(abs(part.vec.FV().NumPy()[0]) for part in self._psi) > FAR * np.sqrt(self.area)
 
     def turn(self):
         """Rotate ψ, where the direction of the warp is given, until it has that."""

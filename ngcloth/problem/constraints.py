@@ -7,6 +7,7 @@ import numpy as np
 
 from ..errors import check_number
 
+ROUNDING = 1e-13  # of slacks: a flat surface neither pushes nor pulls, whatever ψ
 RIM_SHARE = 0.04  # what the limits on the rim weigh in barriers, over those inside
 EDGE = 1e-9  # of a triangle: rounding
 MOST = 435  # points a triangle: a lattice of twice the highest order of ψ has no more
@@ -102,4 +103,4 @@ class Obstacle:
 
     def scale(self, values):
         """What counts as one in a slack whose `values` are these: the largest |τ|."""
-        return abs(values).max() or 1.0
+        return max(abs(values).max(), ROUNDING)

@@ -186,7 +186,8 @@ class Swollen:
     growth : (float, float) or callable
         g1 and g2, positive; or a function of (X1, X2), the place in the flat cloth, that returns
         them as NGSolve expressions. X = 0 is the centre of the domain in symmetric scenes; in
-        others it is free where the cloth lies.
+        others the cloth lies where it costs least, which with g1 or g2 that grow without bound is
+        nowhere.
     """
 
     fabric: object

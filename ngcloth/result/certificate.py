@@ -12,7 +12,7 @@ import numpy as np
 
 from ..output.planar import crossing
 from ..problem.bars import with_bar
-from ..problem.constraints import Elongation, Obstacle, ShearLimit
+from ..problem.constraints import ROUNDING, Elongation, Obstacle, ShearLimit
 from ..problem.kinematics import Kinematics, gradient
 from .bernstein import basis, lattice, product
 from .between import Between, least_ratio
@@ -340,12 +340,12 @@ def _sampled(limit, result, triangles):
         expression, points = slack.Compile(), triangles.at_lattice(FINE)
         values = expression(points).reshape(len(triangles), -1)
         if isinstance(limit, Obstacle):
-            tolerance = PUSH * float(np.abs(values).max())
+            tolerance = max(PUSH * float(np.abs(values).max()), ROUNDING)
         else:  # The strain that makes up for it, whatever the unit of the slack.
             strain = slack.Diff(slope) * slope.trans
             worst = points[[np.argmin(values)]]
             tolerance = LIMIT * float(np.linalg.norm(strain.Compile()(worst)))
-        missed = max(-float(values.min()), 0.0)
+        missed = max(0.0, -float(values.min()))
         claim = f"{limit.name} missed by {missed:.1g} of {tolerance:.1g} allowed"
         checks.append(_check(limit, values, tolerance, triangles, claim))
     return checks

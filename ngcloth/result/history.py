@@ -23,7 +23,14 @@ class Reason(enum.Enum):
         "stopped: no step, however small, is acceptable; the limits may contradict each other "
         "or equilibrium, or the mesh be too coarse for them"
     )
-    INFEASIBLE = "stopped: no patch found that respects all limits and equilibrium"
+    INFEASIBLE = (
+        "stopped: no patch found that respects all limits and equilibrium, nor a step that misses "
+        "them by less"
+    )
+    ADRIFT = (
+        "stopped: the patch slides a hundred times its size through cloth that differs from place "
+        "to place; with mirror symmetry its middle stays"
+    )
     STALLED = "stopped: no step, however small, lowers the Lagrangian any more"
 
     def __str__(self):

@@ -4,6 +4,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..problem.constraints import ROUNDING
 from ..problem.cost_size import cost_size
 from . import changes
 from .elements import restricted
@@ -166,6 +167,9 @@ class _Limits:
         self.values, self.slopes, self.bends = points.functions(
             lambda cloth: [slack for limit in limits for slack in limit.slacks(cloth)]
         )
+        # What stays zero whatever ψ is, as the reaction of a flat surface, makes no force.
+        slopes = np.abs(self.slopes).max(axis=2, initial=0.0)
+        self.values[np.maximum(np.abs(self.values), slopes) <= ROUNDING] = 1.0
 
 
 class Pencil:

@@ -18,8 +18,9 @@ def summary(result):
     energy = with_bar(f"{result.normalized_energy:.6e}", bar and bar / unit)
     area = with_bar(f"{result.area:.6f}", result.error["area"])
     asked = result.settings.get("accuracy")
-    short = bar is not None and result.falls_short
-    short = f"\n  the accuracy of {asked:g} that was asked for is not reached" if short else ""
+    short = ""
+    if result.falls_short:
+        short = f"\n  the accuracy of {asked:g} that was asked for is not reached"
     return (
         f"{result.scene.name}: {result.why}\n"
         f"  E/(2π kc) = {energy}, patch area {area}{short}\n"

@@ -80,6 +80,8 @@ def adaptive_flow(problem, recorder, phase, tolerance, at_most=math.inf):
                 exact=exact,
                 last=last,
             )
+            if problem.adrift:
+                return Reason.ADRIFT
         if at_rest:
             stretched = problem.scene.inextensible and problem.largest_strain() > UNRESOLVED
             return Reason.SINGULAR if stretched else Reason.CONVERGED

@@ -9,7 +9,7 @@ step is one of backward Euler along the gradient flow.
 
 import numpy as np
 
-from ..problem.constraints import LimitPoints
+from ..problem.constraints import ROUNDING, LimitPoints
 from ..result.history import Reason
 from .exchange import missed_points
 from .line_search import Filter, to_boundary
@@ -18,8 +18,9 @@ from .saddle_system import SaddleSystem
 from .start import near_start
 
 # The first barrier's weight, that from the patch of a coarser mesh, and a barrier's over the one
-# before; where none is given, the last is this part of the cost per area: it no longer shows.
-FIRST_MU, WARM_MU, LOWER_MU, UNSEEN = 1.0, 1e-2, 0.2, 1e-4
+# before; where none is given, the last is this part of the cost per area: it no longer shows. Where
+# an accuracy is asked for, it is at most this part of that.
+FIRST_MU, WARM_MU, LOWER_MU, UNSEEN, UNSEEN_OF_BAR = 1.0, 1e-2, 0.2, 1e-4, 0.1
 LEAST_MU = 1e-12  # where the cost vanishes, as on what can be unrolled
 HIGHER = 16  # times the 1/Δt that was too low
 # Above this 1/Δt v is given up, and rates do not last: the barrier's Hessian would no longer bend
@@ -95,6 +96,8 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
             told = {"length": length, "active": int((iterate.z > iterate.s).sum())}
             value = iterate.lagrangian()
             recorder.record(problem, phase, 1 / rate, value, error, **told, **iterate.memory())
+            if problem.adrift:
+                return Reason.ADRIFT
         elif iterate.refusals > PATIENCE:
             if limited and not again:
                 again = True
@@ -109,7 +112,9 @@ def unseen(problem):
 
     A weight that is nearly as small, as the cost falls on, is small enough.
     """
-    least = max(UNSEEN * abs(problem.cost()) / problem.area, LEAST_MU)
+    # About this fraction of the cost is the barrier's part of its bar.
+    part = min(UNSEEN, UNSEEN_OF_BAR * problem.settings.get("accuracy", 1.0))
+    least = max(part * abs(problem.cost()) / problem.area, LEAST_MU)
     return problem.mu if least <= problem.mu <= 2 * least else least
 
 
@@ -205,7 +210,7 @@ class Iterate:
         Forces alone would not tell: they vanish where a patch shrinks for ever.
         """
         if self.c.size:
-            return self.c.min() > 0
+            return self.c.min() > -ROUNDING
         left = SETTLED * abs(self.problem.cost()) + ROUND_OFF * self.problem.area
         return self._in_sight <= left
 

@@ -11,6 +11,7 @@ from .gradient_flow import adaptive_flow, fixed_flow
 LINEARISATIONS = {"closed form": ClosedFormLagrangian, "automatic": AutomaticLagrangian}
 FLOWS = {"adaptive": adaptive_flow, "paper": fixed_flow}
 INVERSES = ("sparsecholesky", "umfpack")
+FINEST = 1e-8  # accuracy: what energies that are sums over a fine mesh tell apart
 HIGHEST = 14  # order of ψ: NGSolve ends the process at rules for orders beyond
 KNOWN = (
     "maxh, order, accuracy, multiplier_order, quadrature, barrier_end, tolerance, max_steps, "
@@ -59,7 +60,7 @@ def checked_settings(
     if barrier_end is not None:
         barrier_end = check_number("barrier_end", barrier_end, 0, 1, open_low=True)
     if accuracy is not None:
-        accuracy = check_number("accuracy", accuracy, 0, 1, open_low=True)
+        accuracy = check_number("accuracy", accuracy, FINEST, 1)
     if scene.in_equilibrium:
         # Closed forms are those of energies of strain.
         settings["linearisation"] = linearisation if of_strain_alone(scene.fabric) else "automatic"

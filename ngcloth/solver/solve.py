@@ -14,7 +14,7 @@ from ..result.result import Result
 from ..result.save import fingerprint
 from .chain import discretised, run, run_finer
 from .checkpoint import Checkpoint
-from .error import with_error
+from .error import helped_by_meshes, with_error
 from .interior_point import unseen
 from .meshes import COARSER, coarser_levels, make_sheets
 from .recorder import Recorder
@@ -60,9 +60,9 @@ def solve(
         Polynomial order of ψ, 1 to 14. Default 3 in scenes with limits, 2 in others.
     accuracy : float, optional
         In scenes with limits, the relative error of the energy, by the bar of `Result.error`, above
-        which meshes of half the size follow, as long as steps, seconds and memory last. The result
-        is the last that converged, and its text says what was reached. By default there is one
-        chain of meshes, down to `maxh`.
+        which meshes of half the size follow, as long as steps, seconds and memory last; 1e-8 or
+        more. The barrier ends as low as that asks for. The result is the last that converged, and
+        its text says what was reached. By default there is one chain of meshes, down to `maxh`.
     multiplier_order : int, optional
         Polynomial order of the multiplier v of equilibrium, in scenes with constraints. By
         default that of ψ: with order 1, as in the paper, a layer one element wide along the rim
@@ -217,7 +217,9 @@ def solve(
         recorder.resume(whole)
         reason = run(whole, recorder, coarser, level)
         result = level() if reason is Reason.CONVERGED else outcome(reason)
-        while result.converged and result.falls_short and run_finer(recorder):
+        while result.converged and result.falls_short and helped_by_meshes(result):
+            if not run_finer(recorder):
+                break
             result = level()
     except KeyboardInterrupt:
         if not recorder.restore():

@@ -116,6 +116,7 @@ def test_limits_that_contradict_each_other_are_named():
     result = solve(scene, maxh=0.5, max_steps=500)
     assert result.reason is Reason.INFEASIBLE
     assert "elongation missed by" in str(result) or "longest thread missed by" in str(result)
+    assert "nor a step that misses them by less; " in str(result)
     with pytest.raises(ngcloth.SolveError, match="missed by .* at θ"):
         solve(scene, maxh=0.5, max_steps=5, throw=True)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from discretising import assert_solved, assert_strictly_feasible, discretised, vector
 
-from ngcloth import Elongation, Net, Scene, solve
+from ngcloth import Disk, Elongation, Net, Obstacle, Scene, Surface, solve
 from ngcloth.geometry.sheet import lattice, mesh_points
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
 from ngcloth.solver.exchange import missed_points
@@ -178,3 +178,21 @@ def test_obstacle():
     low, high = result.extrema["reaction"]
     assert free.extrema["reaction"][0] < -5 and low > -0.003 * high
     assert result.normalized_energy > 1.1 * free.normalized_energy
+
+
+@pytest.mark.parametrize("limits", [[Obstacle()], [Elongation(), Obstacle()]])
+def test_an_obstacle_on_a_flat_plate_asks_for_nothing(limits):
+    """It neither pushes nor pulls, whatever the patch: τ is zero, or its rounding."""
+
+    def plane(x, y):
+        u, v = ngs.sinh(x / 2), y
+        return u, v, 0.7 * u + 0.3 * v
+
+    surface = Surface(plane, Disk())
+    result = solve(Scene(surface, Net(ks=1.0), limits), maxh=0.6, max_steps=60)
+    whole = surface.on(result.sheet.mesh).metric
+    exact = ngs.Integrate(ngs.sqrt(ngs.Det(whole)), result.sheet.mesh)
+    assert result.converged and result.area == pytest.approx(exact, rel=1e-3)
+    assert result.normalized_energy < 1e-6
+    check = result.certificate().limits[-1]
+    assert check.name == "obstacle" and check.holds

@@ -12,6 +12,8 @@ from numpy.polynomial import chebyshev, legendre, polynomial
 from .errors import InputError, check_integer
 from .geometry.file_surface import FileSurface
 
+MOST_BLOCKS, HIGHEST = 1000, 64
+
 
 class ChebyshevNet:
     """The Chebyshev net of a surface, spanned by one warp and one weft thread.
@@ -34,7 +36,8 @@ class ChebyshevNet:
     extent : (float, float)
         Ends U and V of the threads, of either sign: one net covers one quadrant.
     blocks, degree : int, optional
-        Number of blocks along each thread, and polynomial degree of each in u and in v.
+        Number of blocks along each thread, at most 1000, and polynomial degree of each in u and in
+        v, at most 64.
 
     Raises
     ------
@@ -47,8 +50,8 @@ class ChebyshevNet:
         if np.shape(extent) != (2,) or not np.all(np.isfinite(extent)) or not np.all(extent):
             raise InputError("extent", extent, "two finite lengths other than 0")
         self.surface, self.extent = surface, np.array(extent, dtype=float)
-        self.blocks = check_integer("blocks", blocks, 1)
-        self.degree = check_integer("degree", degree, 2)
+        self.blocks = check_integer("blocks", blocks, 1, MOST_BLOCKS)
+        self.degree = check_integer("degree", degree, 2, HIGHEST)
         self._geometry = _Geometry(surface)
 
         nodes, vander = -np.cos(np.pi * np.arange(degree + 1) / degree), chebyshev.chebvander

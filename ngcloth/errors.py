@@ -3,6 +3,8 @@
 import math
 import numbers
 
+import numpy as np
+
 
 class InputError(ValueError):
     """An argument the library cannot work with, told before any mesh is made.
@@ -61,6 +63,25 @@ def check_number(argument, value, low=None, high=None, *, open_low=False, open_h
     if too_low or too_high or not math.isfinite(number):
         raise InputError(argument, value, allowed)
     return number
+
+
+def check_result(result):
+    """Raise `InputError` unless this is a `Result`, which errors know nothing of."""
+    if isinstance(result, type) or not hasattr(result, "normalized_energy"):
+        raise InputError("result", result, "an ngcloth.Result")
+
+
+def check_points(argument, points, size):
+    """Return finite points of `size` coordinates as an array of floats, (..., size)."""
+    allowed = f"finite points of {size} coordinates, (..., {size})"
+    try:
+        array = np.asarray(points)
+        array = array.astype(float, casting="same_kind") if array.size else array.astype(float)
+    except (TypeError, ValueError):
+        raise InputError(argument, points, allowed) from None
+    if array.ndim == 0 or array.shape[-1] != size or not np.isfinite(array).all():
+        raise InputError(argument, points, allowed)
+    return array
 
 
 def check_integer(argument, value, low, high=None):

@@ -5,12 +5,14 @@ from functools import cached_property
 
 import numpy as np
 
+from .errors import InputError
 from .problem.curve import Curve, Readings
 from .problem.shear_tests import BiasExtension, PictureFrame, angle_readings
 from .problem.tables import rising_table
 
 FALLS = 0.1  # of the greatest force: rows that a rising curve misses by more
 LONGEST = 5.0  # a stretch
+UNEQUAL = 1e6  # of warp and weft
 SHEAR_STIFFNESSES = 1e-9, 1e3  # over that of the threads
 NEVER = (
     "warp and weft pulled at once (their forces are taken to be independent)",
@@ -77,6 +79,10 @@ class MeasuredFabric:
             _check_rise(table, rows, curves[name])
         object.__setattr__(self, "readings", readings)
         object.__setattr__(self, "curves", curves)
+        ratio = _secant(curves["warp"]) / _secant(curves["weft"])
+        if not 1 / UNEQUAL <= ratio <= UNEQUAL:
+            allowed = "forces in the unit of the weft: the warp is {:.1e} as stiff"
+            raise tests["warp"][0].refusal(-1, allowed.format(ratio))
         ratio = _secant(curves["shear"]) / (2 * self.stiffness)
         if not SHEAR_STIFFNESSES[0] <= ratio <= SHEAR_STIFFNESSES[1]:
             table = tests["shear"][0]
@@ -110,6 +116,8 @@ class MeasuredFabric:
 
     def longest(self, name):
         """The greatest stretch λ in the test of "warp" or "weft"."""
+        if name not in ("warp", "weft"):
+            raise InputError("name", name, '"warp" or "weft"')
         return float(np.sqrt(1 + self.curves[name].end))
 
     def plot(self, axes=None):

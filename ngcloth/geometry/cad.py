@@ -231,10 +231,12 @@ def read_bytes(path, endings):
     ending = endings.get(path.suffix.lower())
     if ending is None:
         raise InputError("path", str(path), "a file that ends in " + ", ".join(endings))
+    if path.exists() and not path.is_file():  # a pipe would be waited for
+        raise InputError("path", str(path), "a plain file")
     try:
         data = path.read_bytes()
-    except OSError as error:
-        allowed = f"a file that can be read ({error.strerror})"
+    except (OSError, ValueError) as error:
+        allowed = f"a file that can be read ({getattr(error, 'strerror', error)})"
         raise InputError("path", str(path), allowed) from None
     if not data:
         raise InputError("path", str(path), "a file that is not empty")

@@ -5,6 +5,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+from netgen.meshing import NgException
 
 from ..errors import InputError, check_number
 from .cad import patience, read_bytes
@@ -74,7 +75,10 @@ class FacetSurface(FileSurface):
         self._survey(argument, value)
 
     def levels(self, maxh, orders, count):  # noqa: D102
-        return self._remesher.levels(maxh, orders, count)
+        try:
+            return self._remesher.levels(maxh, orders, count)
+        except NgException as error:
+            raise InputError("maxh", maxh, f"a size in which it can be meshed ({error})") from error
 
     def arrays(self):  # noqa: D102
         return {

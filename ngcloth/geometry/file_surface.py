@@ -167,7 +167,11 @@ class FileSurface(ABC):
         from .flatten import FlatteningError
         from .topology import topology
 
-        (level,) = self.levels(self.size / SURVEY, (2, 4), 1)
+        try:
+            (level,) = self.levels(self.size / SURVEY, (2, 4), 1)
+        except InputError as error:
+            allowed = f"a surface that can be meshed: {error.argument} = {error.value!r}, "
+            raise InputError(argument, value, allowed + error.allowed) from error
         self._surveyed = level
         self.topology, turned = topology(level.triangles)
         fault = self.topology.fault or _tube(level, self.topology.rims)

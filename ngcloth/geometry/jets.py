@@ -3,6 +3,8 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ..errors import InputError
+
 CHUNK = 300_000  # numbers in the largest array of one pass: more leave the cache
 DEGREE = 4
 EXACT = 36  # vertices of a fit to exact ones
@@ -85,6 +87,9 @@ class Jets:
         count = min(BLENDED, len(self._centres))
         for _ in range(STEPS):
             distance, nearest = self._near.query(points, count)
+            if (nearest == len(self._centres)).any():  # points that are no longer finite
+                allowed = "a length over which the vertices are those of a smooth surface"
+                raise InputError("smoothing", float(self._radius.mean()), allowed)
             looks = self._frames[nearest, :, 2]
             weight = (1 - (distance / (1.001 * distance[:, -1:])) ** 2) ** 3
             weight *= np.einsum("nki,ni->nk", looks, looks[:, 0]) > ALIKE

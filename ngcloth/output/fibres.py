@@ -18,6 +18,7 @@ FORMATS = {
     "lsdyna": (".k", ".key"),
 }
 COMMENTS = {"abaqus": "** ", "calculix": "** ", "nastran": "$ ", "lsdyna": "$ "}
+THICKNESSES = 1e-9, 1.0  # over the size of the patch
 HIGHEST = {"lsdyna": 1}  # order of the triangles; 2 elsewhere
 
 
@@ -34,8 +35,8 @@ def fibres(result, path, format=None, *, thickness=None, order=None):
     format : {"csv", "abaqus", "calculix", "nastran", "lsdyna"}, optional
         "nastran" is for OptiStruct as well.
     thickness : float, optional
-        Of the flat cloth, in units of length; needed for solvers. On the surface that of
-        incompressible cloth is written, t0/(areal stretch).
+        Of the flat cloth, in units of length, from 1e-9 of the patch's size to that; needed for
+        solvers. On the surface that of incompressible cloth is written, t0/(areal stretch).
     order : {1, 2}, optional
         Of the triangles for a solver: three nodes, or six with the middles of the sides on the
         surface. By default 2, and 1 for LS-DYNA, which has no other.
@@ -75,7 +76,8 @@ def fibres(result, path, format=None, *, thickness=None, order=None):
     order = check_integer("order", highest if order is None else order, 1, highest)
     if thickness is None:
         raise InputError("thickness", thickness, "a length > 0, of the flat cloth")
-    thickness = check_number("thickness", thickness, 0, open_low=True)
+    low, high = (float(share * np.sqrt(result.area)) for share in THICKNESSES)
+    thickness = check_number("thickness", thickness, low, high)
     if not result.unfolded:
         allowed = "a patch that is not folded: where it is, shells would have a thickness below 0"
         raise InputError("result", result.scene.name, allowed)

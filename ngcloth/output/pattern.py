@@ -23,6 +23,8 @@ MOST = 5000  # chords to be halved at once
 CORNER = np.radians(5)  # a rim that turns by more between two points of the lattice has a corner
 NARROW = 2.0  # mm: cloth less wide than this frays
 MOST_MARKS = 1000
+SIZES = 1e-3, 1e9  # mm, of a patch
+ROUGH = 1e-2  # of the size: the greatest tolerance
 AREA_ERROR = 2e-5  # what the default tolerance may change of the area
 SQUARE, GAP, TEXT, TICK = 100.0, 10.0, 5.0, 4.0  # mm
 
@@ -111,13 +113,15 @@ def cut_pattern(result, *, unit_mm=None, pitch=None, seam=0.0, marks=12, toleran
         Distance in mm between the threads drawn, which lie at its multiples. Default 10, or a
         tenth of the patch's width where that is less.
     seam : float, optional
-        Seam allowance in mm: the cut is the outline, offset by it with round corners, and the
-        outline itself is in the layer "seam". Default 0: the cut is the outline.
+        Seam allowance in mm, at most the size of the patch: the cut is the outline, offset by it
+        with round corners, and the outline itself is in the layer "seam". Default 0: the cut is the
+        outline.
     marks : int, optional
         Number of pinning marks along the rim, at most 1000, see `pinning_marks`. Default 12.
     tolerance : float, optional
-        How far in mm the polylines may be from the rim of the patch and from its offset. By
-        default 0.01, or less where the area would change by more than 2e-5 of itself.
+        How far in mm the polylines may be from the rim of the patch and from its offset, at most
+        a hundredth of the patch's size. By default 0.01, or less where the area would change by
+        more than 2e-5 of itself.
 
     Returns
     -------
@@ -152,11 +156,18 @@ def cut_pattern(result, *, unit_mm=None, pitch=None, seam=0.0, marks=12, toleran
         check_number("tolerance", tolerance, 0, open_low=True)
 
     coarse = unit_mm * result.outline(400)
+    size = float(np.ptp(coarse, axis=0).max())
+    if not SIZES[0] <= size <= SIZES[1]:
+        allowed = f"a scale at which the patch is {SIZES[0]:g} to {SIZES[1]:g} mm, not {size:.3g}"
+        raise InputError("unit_mm", unit_mm, allowed)
+    check_number("seam", seam, 0, size)
     if pitch is None:
         pitch = min(10.0, float(f"{np.ptp(coarse, axis=0).min() / 10:.2g}"))
-    if pitch < 1e-3 * np.ptp(coarse, axis=0).max():
+    if pitch < 1e-3 * size:
         raise InputError("pitch", pitch, "mm, at least a thousandth of the patch")
-    if tolerance is None:
+    if tolerance is not None:
+        check_number("tolerance", tolerance, 0, ROUGH * size, open_low=True)
+    else:
         length = np.linalg.norm(coarse - np.roll(coarse, 1, axis=0), axis=1).sum()
         tolerance = min(0.01, AREA_ERROR * unit_mm**2 * result.area / length)
     outline, *holes = (

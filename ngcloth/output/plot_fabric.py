@@ -35,8 +35,8 @@ def draw(fabric, axes=None):
         import matplotlib.pyplot as plt
 
         _, axes = plt.subplots(1, 3, figsize=(10, 3.4), layout="constrained")
-    if len(axes) != len(DRAWN):
-        raise InputError("axes", len(axes), "three, for warp, weft and shear")
+    if np.shape(axes) != (len(DRAWN),):
+        raise InputError("axes", np.shape(axes), "three, for warp, weft and shear")
     for ax, (name, (across, up)) in zip(axes, DRAWN.items(), strict=True):
         curve = fabric.curves[name]
         at, slopes = fabric.readings[name].points(curve)

@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, check_result
 from ..problem.bars import with_bar
 from ..problem.domain import MeshDomain
 from ..problem.fabric import directions
@@ -64,6 +64,7 @@ def report(result, path, files=(), limits=None):
     The page loads nothing: figures are PNG within it, the cloth is drawn by a script of its own.
     The domain of a chart has to be star-shaped about its centre, see `ngcloth.plot.sample`.
     """
+    check_result(result)
     page = checked_file(path, ".html")
     links, limits = _links(page.parent, files), checked_limits(limits)
     fields = ["stretch1", "stretch2", "shear", "angle", "thickness"]

@@ -8,6 +8,7 @@ from ..errors import InputError, check_integer, check_number
 
 # OpenCascade merges points within 1e-7; Netgen leaves parts of far larger or thinner faces bare.
 SMALLEST, LARGEST, LONGEST = 1e-5, 1e6, 1e4
+MOST = 2**20  # points of a rim
 BISECTIONS = 52  # down to rounding
 INWARDS = 1e-9  # of the way to the middle of a triangle
 CHUNK = 300_000  # pairs of a point and an edge that are looked at in one pass
@@ -105,7 +106,7 @@ class Disk(Domain):
 
     def rim(self, n):
         """`n` points around the rim, counter-clockwise from (radius, 0), shape (n, 2)."""
-        n = check_integer("n", n, 1)
+        n = check_integer("n", n, 1, MOST)
         t = 2 * np.pi * np.arange(n) / n
         return self.radius * np.stack([np.cos(t), np.sin(t)], axis=-1)
 
@@ -160,7 +161,7 @@ class Rectangle(Domain):
         They are equally spaced along each side, and nearly so from side to side. Six points or
         more always meet the four corners.
         """
-        n = check_integer("n", n, 1)
+        n = check_integer("n", n, 1, MOST)
         (low1, high1), (low2, high2) = self.box
         width, height = high1 - low1, high2 - low2
         middle = (low2 + high2) / 2
@@ -274,7 +275,7 @@ class MeshDomain(Domain):
 
         They are equally spaced in the plane; around a `hole`, numbered from 1, they run clockwise.
         """
-        n = check_integer("n", n, 1)
+        n = check_integer("n", n, 1, MOST)
         closed = np.concatenate([self.rims[hole], self.rims[hole][:1]])
         lengths = np.cumsum(np.r_[0, np.linalg.norm(np.diff(closed, axis=0), axis=1)])
         at = lengths[-1] * np.arange(n) / n

@@ -16,6 +16,7 @@ from ..errors import InputError, check_number
 
 STIFFNESSES = 1e-30, 1e30  # squares of their ratios do not overflow
 RIGHT_ANGLES = (0.0, 90.0)
+GROWTHS = 1e-3, 1e3
 APART = 1e-3  # degrees between lines
 
 
@@ -143,7 +144,7 @@ class Turned:
     Parameters
     ----------
     fabric : Net, MeasuredFabric or similar
-        Any with `energy` and `stiffness`.
+        Any with `energy` and `stiffness` that depends on strain alone.
     angle : float
         In degrees, from X1 towards X2.
     """
@@ -152,6 +153,7 @@ class Turned:
     angle: float
 
     def __post_init__(self):
+        _check_inner(self, place=False)
         object.__setattr__(self, "angle", check_number("angle", self.angle, -360, 360))
 
     @property
@@ -182,23 +184,24 @@ class Swollen:
     Parameters
     ----------
     fabric : Net, MeasuredFabric or similar
-        Any with `energy` and `stiffness` that does not depend on the place.
+        Any with `energy` and `stiffness` that depends on strain alone.
     growth : (float, float) or callable
-        g1 and g2, positive; or a function of (X1, X2), the place in the flat cloth, that returns
-        them as NGSolve expressions. X = 0 is the centre of the domain in symmetric scenes; in
-        others the cloth lies where it costs least, which with g1 or g2 that grow without bound is
-        nowhere.
+        g1 and g2, from 1e-3 to 1e3; or a function of (X1, X2), the place in the flat cloth, that
+        returns them as NGSolve expressions. X = 0 is the centre of the domain in symmetric scenes;
+        in others the cloth lies where it costs least, which with g1 or g2 that grow without bound
+        is nowhere.
     """
 
     fabric: object
     growth: tuple | Callable
 
     def __post_init__(self):
+        _check_inner(self, place=False)
         if callable(self.growth):
             return
         if not isinstance(self.growth, tuple | list) or len(self.growth) != 2:
             raise InputError("growth", self.growth, "a pair (g1, g2), or a callable of (X1, X2)")
-        pair = tuple(check_number("growth", g, 0, open_low=True) for g in self.growth)
+        pair = tuple(check_number("growth", g, *GROWTHS) for g in self.growth)
         object.__setattr__(self, "growth", pair)
 
     @property
@@ -235,7 +238,7 @@ class BendingThreads:
     Parameters
     ----------
     fabric : Net, MeasuredFabric or similar
-        Any with `energy` and `stiffness`.
+        Any with `energy` and `stiffness` that does not depend on curvature.
     bending : float or sequence of float
         B (force times length), of all families or of each.
     twist : float
@@ -248,6 +251,7 @@ class BendingThreads:
     of_curvature = True
 
     def __post_init__(self):
+        _check_inner(self, place=True)
         families = len(directions(self))
         each = self.bending
         each = tuple(each) if isinstance(each, tuple | list) else families * (each,)
@@ -283,6 +287,15 @@ class BendingThreads:
             squares = along(t, t, *green) * along(s, s, *green)
             energy += self.twist * along(t, s, *bent) ** 2 / squares
         return energy
+
+
+def _check_inner(outer, place):
+    """Raise `InputError` unless a fabric holds another whose energy it can pass on."""
+    inner, kind = outer.fabric, type(outer).__name__
+    known = not isinstance(inner, type) and callable(getattr(inner, "energy", None))
+    if not known or of_curvature(inner) or (of_place(inner) and not place):
+        allowed = f"a fabric within {kind} whose energy does not depend on curvature"
+        raise InputError("fabric", inner, allowed + ("" if place else " or place"))
 
 
 def of_place(fabric):

@@ -183,8 +183,18 @@ class Surface:
         Returns
         -------
         ndarray, (...) + expression.dims
+
+        Raises
+        ------
+        InputError
+            For points farther out.
         """
         theta = np.asarray(theta, dtype=float)
+        low, high = np.transpose(self.domain.box)
+        outside = ~(np.abs(theta - (low + high) / 2) <= high - low).all(axis=-1)
+        if outside.any():
+            where = tuple(theta[outside][0].tolist())
+            raise InputError("theta", where, f"a point in or about {self.domain}")
         points = self._frame(*theta.reshape(-1, 2).T)
         values = np.asarray(expression.Compile()(points))
         return values.reshape(theta.shape[:-1] + tuple(expression.dims))

@@ -11,7 +11,7 @@ from ..errors import InputError
 
 FEWEST = 5  # rows: fewer fix no curve
 BELOW_ZERO = 0.05  # of the greatest force: noise around zero
-LARGEST = 1e6  # rows
+LARGEST, LARGEST_FILE = 1e6, 1e8  # rows, bytes
 
 
 @dataclass(frozen=True)
@@ -92,10 +92,15 @@ def _from_array(name, source, columns):
 
 
 def _from_file(name, source):
+    allowed = "a CSV file that can be read"
     try:
+        if Path(source).exists() and not Path(source).is_file():
+            raise OSError("no plain file")  # a pipe would be waited for
+        if Path(source).stat().st_size > LARGEST_FILE:
+            raise OSError(f"more than {LARGEST_FILE:.0e} bytes")
         text = Path(source).read_text(encoding="utf-8-sig")
     except (OSError, ValueError) as error:
-        raise InputError(name, str(source), f"a CSV file that can be read ({error})") from error
+        raise InputError(name, str(source), f"{allowed} ({error})") from error
     rows, places = [], []
     for number, line in enumerate(text.splitlines(), start=1):
         place = f"{name}, line {number} of {Path(source).name}"

@@ -10,6 +10,7 @@ from itertools import combinations
 import ngsolve as ngs
 import numpy as np
 
+from ..errors import check_result
 from ..output.planar import crossing
 from ..problem.bars import with_bar
 from ..problem.constraints import ROUNDING, Elongation, Obstacle, ShearLimit
@@ -63,6 +64,8 @@ class LimitCheck:
         return bool(least >= -self.tolerance)
 
     def __str__(self):
+        if np.isnan(self.slack):
+            return f"{self.name} not known at θ = {_point(self.theta)}: the mesh is too coarse"
         if self.slack >= -self.tolerance and not self.holds:
             return f"{self.name} proven only to within {-self.bound:.2g}"
         return f"{self.name} missed by {-self.slack:.2g} at θ = {_point(self.theta)}"
@@ -237,7 +240,13 @@ def verify(result):
         nowhere, the pinned cloth is in equilibrium, and ψ is a (local) minimum: stationary, with
         multipliers found from ψ, and of no negative curvature. In a symmetric scene, a minimum
         among symmetric patches.
+
+    Raises
+    ------
+    InputError
+        If this is no result.
     """
+    check_result(result)
     patch, bar = Patch(result), result.error["energy"]
     between = Between(patch)
     found = {
@@ -300,7 +309,8 @@ def _stretches(limit, between):
     squares, checks = _on_lattice(square, degree), []
     for number, line in enumerate(between.lines, start=1):
         above = between.product(line, line)
-        stretches = np.sqrt(_on_lattice(above, degree) / squares)
+        with np.errstate(invalid="ignore"):  # where the metric is not resolved
+            stretches = np.sqrt(_on_lattice(above, degree) / squares)
         enough = max((1 - LIMIT) ** 2 / kept, (stretches.min() - SHARP) ** 2)
         ratio, _ = least_ratio(above, square, degree, enough)
         stretch, values = float(np.sqrt(max(ratio * kept, 1e-300))), 1 - 1 / stretches

@@ -3,7 +3,7 @@
 import ngsolve as ngs
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, check_points
 from ..output.plot import sample
 
 STEPS = 60
@@ -14,7 +14,7 @@ FOUND = 1e-9  # of the size: from the patch, where a point lies on it
 
 def flatten(result, points):
     """See `Result.flatten`."""
-    points, sheet = _checked("points", points, 3), result.whole
+    points, sheet = check_points("points", points, 3), result.whole
     slopes = ngs.CF(sheet.tangents, dims=(2, 3))
 
     def place(theta):
@@ -31,7 +31,7 @@ def lay(result, flat):
     """See `Result.lay`."""
     from matplotlib.path import Path  # takes time
 
-    flat = _checked("flat", flat, 2)
+    flat = check_points("flat", flat, 2)
     targets, outline = flat.reshape(-1, 2), result.outline(OUTLINE)
     size = np.ptp(outline, axis=0).max()
     # Most points outside are told by a polygon, and need no search.
@@ -48,16 +48,6 @@ def lay(result, flat):
     return points.reshape(flat.shape[:-1] + (3,))
 
 
-def _checked(argument, points, dimension):
-    try:
-        points = np.asarray(points, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(argument, points, "numbers") from None
-    if points.ndim == 0 or points.shape[-1] != dimension or not np.isfinite(points).all():
-        raise InputError(argument, points, f"finite points of {dimension} coordinates, (..., n)")
-    return points
-
-
 def _nearest(result, targets, place, slopes):
     """Parameters of the points of the domain whose places are nearest, and how far these are.
 
@@ -68,8 +58,12 @@ def _nearest(result, targets, place, slopes):
 
     samples, _ = sample(result)
     there = place(samples)
-    _, first = cKDTree(there).query(targets)
-    theta, size = samples[first], np.ptp(there, axis=0).max()
+    away, first = cKDTree(there).query(targets)
+    size = np.ptp(there, axis=0).max()
+    for far in np.flatnonzero(away > size)[:1]:
+        allowed = f"near the surface, whose size is {size:.3g}; this is {away[far]:.3g} from it"
+        raise InputError("points", tuple(targets[far].tolist()), allowed)
+    theta = samples[first]
     distance = np.linalg.norm(place(theta) - targets, axis=1)
     damping, moving = np.ones(len(theta)), np.arange(len(theta))
     for _ in range(STEPS):

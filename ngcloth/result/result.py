@@ -6,7 +6,7 @@ from functools import cached_property
 import ngsolve as ngs
 import numpy as np
 
-from ..errors import InputError, check_integer
+from ..errors import InputError, check_integer, check_points
 from ..geometry.file_surface import FileSurface
 from ..geometry.mirrors import with_images
 from ..geometry.nearest import nearest_on_sheet
@@ -170,7 +170,10 @@ class Result(TakenAway):
         -------
         ndarray, (...) + expression.dims
         """
-        theta = np.asarray(theta, dtype=float)
+        if not isinstance(expression, ngs.CoefficientFunction):
+            allowed = "an expression of NGSolve, such as result.sheet.position"
+            raise InputError("expression", expression, allowed)
+        theta = check_points("theta", theta, 2)
         if not self._from_file:
             return self.scene.surface.evaluate(expression, theta)
         values = _at(expression.Compile(), self.domain.located(theta.reshape(-1, 2)))
@@ -215,7 +218,7 @@ class Result(TakenAway):
         ndarray, (..., 2, 2)
             Rows are components of ψ.
         """
-        folded, sign = self._folded(*np.moveaxis(np.asarray(theta), -1, 0))
+        folded, sign = self._folded(*np.moveaxis(check_points("theta", theta, 2), -1, 0))
         points, _ = self._located(folded)
         values = _at(gradient(*self._psi), points).reshape(*sign.shape, 2)
         return values * sign[..., :, None] * sign[..., None, :]
@@ -260,7 +263,7 @@ class Result(TakenAway):
         return values * sign.prod(axis=-1) if name in SIGNED else values
 
     def outline(self, n=400, hole=0):
-        """`n` points along the rim of the whole flat patch, shape (n, 2).
+        """`n` points along the rim of the whole flat patch, shape (n, 2); 2²⁰ at most.
 
         They start at the largest θ1 on the axis θ2 = centre, for files without mirrors at the
         largest of all, and run counter-clockwise in θ. The curve is closed: the first point

@@ -21,6 +21,11 @@ class TakenAway:
         -------
         ndarray, (..., 2)
             The flat positions of the nearest points of the surface.
+
+        Raises
+        ------
+        InputError
+            If a point is farther from the surface than that is large, as in another unit.
         """
         from .places import flatten
 

@@ -7,6 +7,7 @@ from ..energy.closed_form import ClosedFormLagrangian
 from ..errors import InputError, check_integer, check_number
 from ..problem.fabric import of_strain_alone
 from .gradient_flow import adaptive_flow, fixed_flow
+from .interior_point import LEAST_MU
 
 LINEARISATIONS = {"closed form": ClosedFormLagrangian, "automatic": AutomaticLagrangian}
 FLOWS = {"adaptive": adaptive_flow, "paper": fixed_flow}
@@ -58,7 +59,7 @@ def checked_settings(
     _one_of("linearisation", linearisation, LINEARISATIONS)
     tolerance = check_number("tolerance", tolerance, 0, open_low=True)
     if barrier_end is not None:
-        barrier_end = check_number("barrier_end", barrier_end, 0, 1, open_low=True)
+        barrier_end = check_number("barrier_end", barrier_end, LEAST_MU, 1)
     if accuracy is not None:
         accuracy = check_number("accuracy", accuracy, FINEST, 1)
     if scene.in_equilibrium:

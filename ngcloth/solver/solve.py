@@ -71,7 +71,7 @@ def solve(
         Degree of the integration rules, at whose points inside and along the rim limits hold. By
         default ``2 * order + 2``; at most 30.
     barrier_end : float, optional
-        The barrier weight μ over kc at which a solve with constraints ends, at most 1. By default
+        The barrier weight μ over kc at which a solve with constraints ends, 1e-12 to 1. By default
         1e-4 of the cost per area, where the barrier no longer shows; with the "paper" schedule
         1e-3.
     tolerance : float, optional
@@ -255,6 +255,12 @@ def minima(scene, starts, **settings):
         1e-2 of the size of the patch in outline, the first is kept. A patch that is turned by a
         right angle, its warp in the place of its weft, or by two, is the same.
     """
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "an ngcloth.Scene")
+    try:
+        starts = list(starts)
+    except TypeError:
+        raise InputError("starts", starts, "a sequence of starts") from None
     found = []
     for start in starts:
         result = solve(replace(scene, start=start), **settings)

@@ -1,5 +1,6 @@
 """Fabrics from data sheets and from tests."""
 
+import os
 import pickle
 from dataclasses import dataclass, replace
 
@@ -223,6 +224,7 @@ BAD = [
     ({"shear": PictureFrame([[k, k] for k in range(9)], arm=0.2)}, "shear[1]", "size allows"),
     ({"shear": PictureFrame([[k, k] for k in range(9)], arm=1e6)}, "shear[8]", "unit of the spec"),
     ({"shear": PictureFrame(linear(), arm=100, side=120)}, "shear.side", "<= 100"),
+    ({"warp": linear(force=1e-300)}, "warp[19]", "the unit of the weft"),
     ({"shear": BiasExtension(linear(), length=150, width=100)}, "shear.length", "200"),
 ]
 
@@ -262,6 +264,13 @@ def test_files_of_other_programs_are_refused(text, tmp_path):
     file.write_text(text)
     with pytest.raises(InputError, match="warp"):
         MeasuredFabric(warp=file, weft=linear(), shear=shear_table())
+
+
+def test_a_pipe_is_no_table(tmp_path):
+    """Nobody may ever write to it."""
+    os.mkfifo(tmp_path / "warp.csv")
+    with pytest.raises(InputError, match="no plain file"):
+        MeasuredFabric(warp=tmp_path / "warp.csv", weft=linear(), shear=shear_table())
 
 
 def test_a_path_that_is_none():
@@ -429,6 +438,34 @@ def test_growth_by_numbers_is_a_change_of_lengths():
     for wrong in ((1.0, 0.0), (1.0,), 2.0):
         with pytest.raises(InputError):
             Swollen(net, wrong)
+
+
+GRADED = Swollen(Net(), lambda X1, X2: (1 + 0.1 * ngs.sin(X1), 1.0))
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Turned(GRADED, 30),
+        lambda: Turned(BendingThreads(Net(), 1.0), 30),
+        lambda: Turned(None, 30),
+        lambda: Turned(Net, 30),
+        lambda: Swollen(GRADED, (1.1, 1.0)),
+        lambda: Swollen(BendingThreads(Net(), 1.0), (1.1, 1.0)),
+        lambda: BendingThreads(BendingThreads(Net(), 1.0), 1.0),
+    ],
+)
+def test_fabrics_that_hold_no_other(make):
+    """Place and curvature are not handed on."""
+    with pytest.raises(InputError, match="does not depend on curvature") as error:
+        make()
+    assert error.value.argument == "fabric"
+
+
+def test_growth_beyond_reason():
+    for growth in ((1e300, 1.0), (1.0, 1e-300)):
+        with pytest.raises(InputError, match="growth = 1e"):
+            Swollen(Net(), growth)
 
 
 @pytest.mark.parametrize(

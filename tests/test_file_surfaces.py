@@ -361,5 +361,16 @@ def test_points_beside_the_surface(result):
     assert result.flatten(points) == pytest.approx(result.flatten(nearest), abs=2e-3)
     assert result.lay(result.flatten(nearest)) == pytest.approx(nearest, abs=1e-3)
     assert np.isnan(result.lay([[9.0, 9.0]])).all()
-    with pytest.raises(InputError, match="points"):
-        result.flatten([[1.0, 2.0]])
+    for wrong in ([[1.0, 2.0]], [0.0, 0.0, 30.0], 3 * [1e300], [0, 0, 1j], "abc"):
+        with pytest.raises(InputError, match="points"):
+            result.flatten(wrong)
+
+
+@pytest.mark.parametrize("theta", [0.1, [0.1, 0.2, 0.3], [], "ab", [np.nan, 0.0], [1j, 0.0]])
+def test_parameters_that_are_no_points(result, theta):
+    with pytest.raises(InputError, match="theta"):
+        result.slopes(theta)
+    with pytest.raises(InputError, match="theta"):
+        result.evaluate(result.sheet.position, theta)
+    with pytest.raises(InputError, match="expression"):
+        result.evaluate(5, [0.0, 0.0])

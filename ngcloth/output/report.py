@@ -64,9 +64,9 @@ def report(result, path, files=(), limits=None):
     The page loads nothing: figures are PNG within it, the cloth is drawn by a script of its own.
     The domain of a chart has to be star-shaped about its centre, see `ngcloth.plot.sample`.
     """
-    check_result(result)
     page = checked_file(path, ".html")
     links, limits = _links(page.parent, files), checked_limits(limits)
+    check_result(result)
     fields = ["stretch1", "stretch2", "shear", "angle", "thickness"]
     if not result.scene.inextensible:
         fields.append("reaction")

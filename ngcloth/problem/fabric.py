@@ -179,7 +179,8 @@ class Swollen:
     """Another fabric whose threads have grown: W(I4/g1², I6/g2², I8/(g1 g2)) of the other.
 
     With natural stretches of swelling, prestress or a tight knit, cloth is at rest where λ1 = g1,
-    λ2 = g2 and the threads are at right angles.
+    λ2 = g2 and the threads are at right angles. Limits are those of λ, as ever: `Elongation` asks
+    for λ ≥ 1, not for λ ≥ g.
 
     Parameters
     ----------

@@ -93,8 +93,8 @@ class Certificate:
     overlap : (float, float) or None
         A point X of the patch where its rim meets itself. With J > 0 and none, ψ is injective.
     equilibrium : float or None
-        `Result.equilibrium_residual`, or, where nothing but a direction of the warp is asked for,
-        the force inside over the stress; None where stationarity implies it.
+        The force inside over the stress; with a cost of the scene's own, over all force, as
+        `Result.equilibrium_residual`; None where stationarity implies it.
     equilibrium_tolerance : float
         What of it is accepted: a tenth, or what is a hundredth of kc, an error of the mesh.
     stress : float
@@ -286,9 +286,9 @@ def _equilibrium(point):
     scene = point.scene
     if not scene.in_equilibrium:
         return None
-    if scene.constraints or scene.cost:
+    if scene.cost:
         return equilibrium_residual(point.patch)
-    # What holds the direction of the warp is a force at a point: the rim carries none.
+    # Where no limit is active the rim carries no force, and all there is are errors of the mesh.
     return float(forces(point.patch)[0] / (point.stress * np.sqrt(point.area)))
 
 

@@ -1,5 +1,7 @@
 """Surfaces from facets: exact and noisy hemispheres, every format, and bad files."""
 
+import os
+
 import ngsolve as ngs
 import numpy as np
 import pytest
@@ -107,6 +109,20 @@ def test_a_hole_and_corners_of_the_rim():
     assert part.area == pytest.approx(np.pi, rel=1e-4)
 
 
+def strip(length, width, n=12):
+    x, y = np.meshgrid(length * np.linspace(0, 1, n), width * np.linspace(0, 1, n), indexing="ij")
+    a, b, c, d = (
+        np.arange(n * n).reshape(n, n)[i : n - 1 + i, j : n - 1 + j].ravel()
+        for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))
+    )
+    triangles = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    return np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()]), triangles
+
+
+def scattered(shape):
+    return np.random.default_rng(0).normal(size=shape)
+
+
 def broken(change):
     points, triangles = shapes.facets(9)
     return change(points, triangles)
@@ -125,6 +141,8 @@ def broken(change):
         (broken(lambda p, t: (1e-6 * p, t)), "is that its unit"),
         (broken(lambda p, t: (np.vstack([p, p + 5]), np.vstack([t, t + len(p)]))), "2 loose parts"),
         (broken(lambda p, t: (np.vstack([p, -p]), np.vstack([t, t + len(p)]))), "closed|loose"),
+        (strip(2000.0, 0.2), "can be meshed"),
+        (broken(lambda p, t: (p + scattered(p.shape), t)), "a smooth surface|laid flat"),
         (shapes.tube(0.2), "a tube; cut it open"),
         (shapes.tube(3.0), "a tube; cut it open"),
         ((1, 2, 3), "a pair of points and triangles"),
@@ -140,6 +158,9 @@ def test_refused_files(tmp_path, ending):
     path = tmp_path / f"part{ending}"
     with pytest.raises(InputError, match="No such file"):
         from_mesh(path)
+    os.mkfifo(tmp_path / f"pipe{ending}")
+    with pytest.raises(InputError, match="a plain file"):
+        from_mesh(tmp_path / f"pipe{ending}")
     saved(path, *shapes.facets(9))
     data = path.read_bytes()
     for content in (b"", data[: len(data) // 3], bytes(range(256)) * 8):

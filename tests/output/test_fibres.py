@@ -296,6 +296,8 @@ def test_a_reader_of_lsdyna_finds_the_angles_from_the_first_side(tmp_path, resul
         ("path", "no/cloth.bdf", {"thickness": 1.0}),
         ("thickness", "cloth.bdf", {}),
         ("thickness", "cloth.bdf", {"thickness": 0.0}),
+        ("thickness", "cloth.bdf", {"thickness": 1e300}),
+        ("thickness", "cloth.bdf", {"thickness": 1e-300}),
         ("thickness", "cloth.bdf", {"thickness": "1 mm"}),
         ("thickness", "cloth.csv", {"thickness": 1.0}),
         ("order", "cloth.csv", {"order": 1}),

@@ -364,14 +364,18 @@ def test_what_did_not_converge_says_so(tmp_path):
     [
         {"unit_mm": 0},
         {"unit_mm": "100"},
+        {"unit_mm": 1e-300},
+        {"unit_mm": 1e300},
         {"pitch": -1},
         {"pitch": 1e-6},
         {"pitch": np.inf},
         {"seam": -5},
+        {"seam": 1e9},
         {"marks": 2.5},
         {"marks": 100_000},
         {"tolerance": 0},
         {"tolerance": 1e-14},
+        {"tolerance": 1e3},
     ],
 )
 def test_bad_options_are_refused_before_a_file_is_written(tmp_path, hemisphere, wrong):

@@ -323,6 +323,13 @@ def test_pages_that_cannot_be_are_refused(tmp_path, path, files):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_page_is_of_a_result(tmp_path):
+    with pytest.raises(InputError, match="result = None"):
+        ngcloth.report(None, tmp_path / "page.html")
+    with pytest.raises(InputError, match="result = None"):
+        ngcloth.verify(None)
+
+
 # The page, opened -------------------------------------------------------------------------------
 
 

@@ -399,10 +399,22 @@ def test_rectangle(side, culprit):
     refused("side2", repr(culprit), Rectangle, (0, 1), side)
 
 
-@pytest.mark.parametrize("n", [0, -3, 2.5, True, "all", None])
+@pytest.mark.parametrize("n", [0, -3, 2.5, True, "all", None, 10**9])
 def test_rim(n):
     for domain in (Disk(), Rectangle((0, 1), (0, 1))):
         refused("n", repr(n), domain.rim, n)
+
+
+@pytest.mark.parametrize("theta", [(3.0, 0.0), (0.0, -1e300), (NAN, 0.0), (INF, 0.0)])
+def test_points_far_from_the_domain(theta):
+    error = refused("theta", theta, SPHERE.evaluate, SPHERE.metric, theta)
+    assert "Disk" in error.allowed
+
+
+@pytest.mark.parametrize("starts", [None, 0.5])
+def test_starts_of_minima(starts):
+    refused("starts", starts, ngcloth.minima, ngcloth.scenes.hemisphere(), starts)
+    refused("scene", None, ngcloth.minima, None, [(1.0, 1.0)])
 
 
 # Scenes ------------------------------------------------------------------------------------------

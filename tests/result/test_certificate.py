@@ -14,6 +14,7 @@ from ngcloth import Disk, Elongation, Net, Rectangle, Scene, ShearLimit, Surface
 from ngcloth.output.planar import crossing
 from ngcloth.result import elements, system
 from ngcloth.result.between import Between
+from ngcloth.result.certificate import LimitCheck
 from ngcloth.result.elements import factorised, parts_of_square
 from ngcloth.result.patch import Patch
 from ngcloth.result.stationarity import Pencil, StationaryPoint
@@ -305,6 +306,25 @@ def test_equilibrium_counts_with_a_cost_and_no_limits():
     assert certificate.equilibrium == result.equilibrium_residual and not certificate.certified
     assert result.equilibrium_residual > 0.1
     assert "equilibrium" in str(certificate)
+
+
+def test_a_limit_that_is_nowhere_active_changes_no_certificate():
+    """The rim carries no force: all that is out of balance is the error of the mesh."""
+    free, limited = (
+        solve(Scene(DOME, Net(ks=1.0), limits, symmetric=True), maxh=0.3, order=3)
+        for limits in ((), [ShearLimit(0.9)])
+    )
+    assert limited.energy == pytest.approx(free.energy, rel=1e-3)
+    assert limited.equilibrium_residual > 0.5
+    certificate = limited.certificate()
+    assert certificate.certified and free.certificate().certified
+    assert certificate.equilibrium < 0.02
+
+
+def test_a_metric_that_the_mesh_does_not_resolve_is_told():
+    check = LimitCheck("elongation", np.nan, 1e-3, (0.1, 0.2), "λ1 ≥ 1")
+    assert not check.holds
+    assert str(check) == "elongation not known at θ = (0.1, 0.2): the mesh is too coarse"
 
 
 @pytest.mark.parametrize("unit", [1e-7, 1e5])

@@ -128,6 +128,7 @@ def test_limits_that_contradict_each_other_are_named():
         ("multiplier_order", 1.5),
         ("multiplier_order", True),
         ("barrier_end", 0.0),
+        ("barrier_end", 1e-30),  # below the rounding of slacks
         ("barrier_end", 10.0),
         ("barrier_end", -1e-3),
         ("barrier_end", np.nan),

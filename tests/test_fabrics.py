@@ -440,6 +440,15 @@ def test_growth_by_numbers_is_a_change_of_lengths():
             Swollen(net, wrong)
 
 
+def test_the_least_angle_is_that_of_any_two_families():
+    """The first two families are at right angles on a cylinder, the third is at 45° to both."""
+    tube = Surface(lambda x, y: (ngs.sin(x), y, ngs.cos(x)), Disk())
+    result = ngcloth.solve(ngcloth.Scene(tube, Families((0, 90, 45))), maxh=0.6)
+    assert np.abs(result.extrema["shear"]).max() < 1e-3
+    assert result.largest_shear == pytest.approx(np.sqrt(0.5), abs=1e-3)
+    assert "threads at 45.0° or more" in str(result)
+
+
 GRADED = Swollen(Net(), lambda X1, X2: (1 + 0.1 * ngs.sin(X1), 1.0))
 
 

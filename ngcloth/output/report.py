@@ -79,7 +79,7 @@ def report(result, path, files=(), limits=None):
         verdict=escape(verdict),
         certificate=_certificate(certificate),
         scene="".join(f"<div>{escape(line)}</div>" for line in str(result.scene).splitlines()),
-        numbers=_table(_numbers(result)),
+        numbers=_table(_numbers(result, certificate)),
         extrema=_table(_extrema(result)),
         angles=_table(_angles(result, limits)),
         settings=_table(_settings(result)),
@@ -128,7 +128,7 @@ def _certificate(certificate):
     return "".join(f"<li>{escape(each)}</li>" for each in said)
 
 
-def _numbers(result):
+def _numbers(result, certificate):
     bars, unit = result.error, result.scene.normalisation
     normalized = bars["energy"] and bars["energy"] / unit
     rows = [
@@ -138,8 +138,8 @@ def _numbers(result):
     ]
     if bars["outline"] is not None:
         rows.append(("outline [length]", with_bar("", bars["outline"]).strip()))
-    if result.scene.constraints:
-        rows.append(("force out of equilibrium, share", f"{result.equilibrium_residual:.2g}"))
+    if certificate.equilibrium is not None:
+        rows.append(("force out of equilibrium, share", f"{certificate.equilibrium:.2g}"))
     return [
         *rows,
         ("accepted steps", len(result.history)),

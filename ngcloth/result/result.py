@@ -109,7 +109,7 @@ class Result(TakenAway):
         the integration rule; the keys are the names of `field`. Shear and its angle count in all
         mirror images.
         """
-        extrema = {name: self._range(name) for name in self._fields}
+        extrema = {name: self._range(field) for name, field in self._fields.items()}
         if self.scene.symmetric:
             for name in SIGNED:
                 low, high = extrema[name]
@@ -119,13 +119,18 @@ class Result(TakenAway):
     @property
     def unfolded(self):
         """Whether J > 0 all over the lattice of `extrema`."""
-        return self._range("jacobian")[0] > 0
+        return self._range(self._cloth.jacobian)[0] > 0
 
-    def _range(self, name):
+    @property
+    def largest_shear(self):
+        """The greatest |γ| of any two families of threads, over the lattice of `extrema`."""
+        return max(abs(end) for shear in self._cloth.shears for end in self._range(shear))
+
+    def _range(self, expression):
         points = lattice(2 * self.settings["order"] + 2).tolist()
         rule = ngs.IntegrationRule(points, [0.0] * len(points))
         points = self._mesh.MapToAllElements({ngs.ET.TRIG: rule}, ngs.VOL)
-        values = self._fields[name].Compile()(points)
+        values = expression.Compile()(points)
         return float(values.min()), float(values.max())
 
     @cached_property
@@ -312,17 +317,6 @@ class Result(TakenAway):
         the ratio says little.
         """
         return equilibrium_residual(Patch(self))
-
-    def certificate(self):
-        """Check this result from its ψ alone, see `ngcloth.verify`.
-
-        Returns
-        -------
-        Certificate
-        """
-        from .certificate import verify
-
-        return verify(self)
 
     @property
     def _psi(self):

@@ -9,7 +9,7 @@ from ..problem.warp import in_words
 def summary(result):
     """A result in some lines: how it ended, energy and area with bars, extrema, direction."""
     low, high = result.extrema["stretch1"]
-    shear = max(map(abs, result.extrema["shear"]))
+    shear = result.largest_shear
     angle = np.degrees(np.arccos(min(shear, 1)))
     held = "chosen" if result.scene.warp is None else "given"
     evenest = "\n  one of many nets: the one that bends most evenly"

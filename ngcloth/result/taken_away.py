@@ -77,6 +77,17 @@ class TakenAway:
 
         return area_beyond(self, limits)
 
+    def certificate(self):
+        """Check this result from its ψ alone, see `ngcloth.verify`.
+
+        Returns
+        -------
+        Certificate
+        """
+        from .certificate import verify
+
+        return verify(self)
+
     def save(self, folder):
         """Write everything to a folder of open formats, for `ngcloth.load` to read.
 

@@ -139,7 +139,11 @@ class ConstrainedLagrangian(Discretisation):
         at = mesh_points(self.sheet.mesh, *points)
         slacks, scales = self._anywhere_expressions
         values = np.asarray(slacks(at)).reshape(len(at), -1).T
-        return np.array([row / scale(row, at) for row, scale in zip(values, scales, strict=True)])
+        sizes = np.ones_like(values)
+        for size, row, scale in zip(sizes, values, scales, strict=True):
+            size[:] = scale(row, at)
+        # Nothing makes up for a slack that does not change.
+        return np.divide(values, sizes, out=np.zeros_like(values), where=sizes > 0)
 
     def symbolic_energy(self, inside, on_rim, added=()):
         """The Lagrangian as one `SymbolicEnergy` of ψ and v.

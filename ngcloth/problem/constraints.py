@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import check_number
 
-ROUNDING = 1e-13  # of slacks: a flat surface neither pushes nor pulls, whatever ψ
+ROUNDING = 1e-13  # of τ/kc: a flat surface neither pushes nor pulls, whatever ψ
 RIM_SHARE = 0.04  # what the limits on the rim weigh in barriers, over those inside
 EDGE = 1e-9  # of a triangle: rounding
 MOST = 435  # points a triangle: a lattice of twice the highest order of ψ has no more
@@ -98,9 +98,9 @@ class Obstacle:
     name = "obstacle"
 
     def slacks(self, cloth):
-        """τ, by Laplace's law, over kc."""
-        return (cloth.reaction / cloth.fabric.stiffness,)
+        """τ, by Laplace's law, over kc, but for rounding."""
+        return (cloth.reaction / cloth.fabric.stiffness + ROUNDING,)
 
     def scale(self, values):
         """What counts as one in a slack whose `values` are these: the largest |τ|."""
-        return max(abs(values).max(), ROUNDING)
+        return abs(values).max() or 1.0

@@ -9,6 +9,7 @@ from ..errors import InputError
 from .domain import Rectangle
 
 DEGREE = 5  # the curvature then has continuous second derivatives
+FARTHEST = 1e9  # splines through larger numbers overflow
 MOST = 1_000_000  # heights: 36 numbers each
 
 
@@ -86,9 +87,10 @@ def _numbers(name, values):
         array = np.array(values, dtype=float)
     except (TypeError, ValueError) as error:
         raise InputError(name, values, f"an array of finite numbers ({error})") from error
-    if not np.isfinite(array).all():
-        where = tuple(map(int, np.argwhere(~np.isfinite(array))[0]))
-        raise InputError(name, float(array[where]), f"finite numbers; this is {name}[{where}]")
+    if not (np.abs(array) < FARTHEST).all():
+        where = tuple(map(int, np.argwhere(~(np.abs(array) < FARTHEST))[0]))
+        allowed = f"finite numbers below {FARTHEST:g}; this is {name}[{where}]"
+        raise InputError(name, float(array[where]), allowed)
     return array
 
 

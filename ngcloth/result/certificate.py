@@ -13,11 +13,11 @@ import numpy as np
 from ..errors import check_result
 from ..output.planar import crossing
 from ..problem.bars import with_bar
-from ..problem.constraints import ROUNDING, Elongation, Obstacle, ShearLimit
+from ..problem.constraints import Elongation, Obstacle, ShearLimit
 from ..problem.kinematics import Kinematics, gradient
 from .bernstein import basis, lattice, product
 from .between import Between, least_ratio
-from .equilibrium import equilibrium_residual, forces
+from .equilibrium import forces
 from .patch import Patch
 from .stationarity import StationaryPoint
 
@@ -93,10 +93,9 @@ class Certificate:
     overlap : (float, float) or None
         A point X of the patch where its rim meets itself. With J > 0 and none, ψ is injective.
     equilibrium : float or None
-        The force inside over the stress; with a cost of the scene's own, over all force, as
-        `Result.equilibrium_residual`; None where stationarity implies it.
+        The force inside over the stress of the energy; None where stationarity implies it.
     equilibrium_tolerance : float
-        What of it is accepted: a tenth, or what is a hundredth of kc, an error of the mesh.
+        What of it is accepted: 0.075, or what is a hundredth of kc, an error of the mesh.
     stress : float
         The scale of `stationarity`, and of `curvature`.
     stationarity : float
@@ -283,13 +282,11 @@ def verify(result):
 
 
 def _equilibrium(point):
-    scene = point.scene
-    if not scene.in_equilibrium:
+    if not point.scene.in_equilibrium:
         return None
-    if scene.cost:
-        return equilibrium_residual(point.patch)
-    # Where no limit is active the rim carries no force, and all there is are errors of the mesh.
-    return float(forces(point.patch)[0] / (point.stress * np.sqrt(point.area)))
+    # Not over the force with the rim, as `Result.equilibrium_residual`: where no limit is active
+    # the rim carries none, and all there is are errors of the mesh.
+    return float(forces(point.patch)[0] / (point.force * np.sqrt(point.area)))
 
 
 def check_limits(result, between=None):
@@ -350,7 +347,7 @@ def _sampled(limit, result, triangles):
         expression, points = slack.Compile(), triangles.at_lattice(FINE)
         values = expression(points).reshape(len(triangles), -1)
         if isinstance(limit, Obstacle):
-            tolerance = max(PUSH * float(np.abs(values).max()), ROUNDING)
+            tolerance = PUSH * float(np.abs(values).max())
         else:  # The strain that makes up for it, whatever the unit of the slack.
             strain = slack.Diff(slope) * slope.trans
             worst = points[[np.argmin(values)]]

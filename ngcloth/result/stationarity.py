@@ -4,7 +4,6 @@ from functools import cached_property
 
 import numpy as np
 
-from ..problem.constraints import ROUNDING
 from ..problem.cost_size import cost_size
 from . import changes
 from .elements import restricted
@@ -15,7 +14,7 @@ AT_REST = 1e-2  # of the stress: what may be unbalanced in a scene without limit
 BALANCED = 1e-3  # and in one with limits, or as much as a barrier can achieve
 ROUND_OFF = 1e-9  # stress over kc that counts as none
 RESOLVED = 0.05  # of the stress, or of kc: what a richer space may find unbalanced
-EQUILIBRIUM = 0.1  # of the force: what may be out of equilibrium
+EQUILIBRIUM = 0.075  # of the stress, a tenth of what reaches the rim: what may be unbalanced inside
 UNFELT = 1e-2  # of kc, what a strain of 1e-3 makes: unbalanced, an error of the mesh
 FLAT = 1e-2  # of the stress: curvature that counts as zero
 
@@ -74,13 +73,21 @@ class StationaryPoint:
 
         Where parts of that balance each other, as in bent threads, it is the cost per area.
         """
-        flux = self.cost[1].reshape(len(self.flat_areas), 2, -1)
+        cost = abs(float(self.flat_areas @ self.cost[0] / self.area))
+        return max(self._mean(self.cost[1]), cost, ROUND_OFF * self.size)
+
+    @cached_property
+    def force(self):
+        """Root mean square of that of the energy: what pulls at the cloth."""
+        return max(self._mean(self.energy[1]), ROUND_OFF)
+
+    def _mean(self, slopes):
+        flux = slopes.reshape(len(self.flat_areas), 2, -1)
         c11, c22, c12 = self.inside.strain.T
         one, other = flux[:, :, 0], flux[:, :, 1]
         square = c11[:, None] * one**2 + c22[:, None] * other**2 + 2 * c12[:, None] * one * other
         mean = self.flat_areas @ (square.sum(axis=1) / self.inside.stretch) / self.area
-        cost = abs(float(self.flat_areas @ self.cost[0] / self.area))
-        return max(float(np.sqrt(mean)), cost, ROUND_OFF * self.size)
+        return float(np.sqrt(mean))
 
     def tests(self):
         """The fields of the `Certificate` that are found here."""
@@ -91,7 +98,7 @@ class StationaryPoint:
             "stationarity_tolerance": self._tolerance(),
             # A Chebyshev net has no stress but the error of the mesh.
             "richer_tolerance": RESOLVED * max(1.0, self.size / stress),
-            "equilibrium_tolerance": max(EQUILIBRIUM, UNFELT * self.size / stress),
+            "equilibrium_tolerance": max(EQUILIBRIUM, UNFELT / self.force),
             "curvature_tolerance": self._flat(),
         }
         return found | self._about_psi() if self.interior else found
@@ -167,9 +174,6 @@ class _Limits:
         self.values, self.slopes, self.bends = points.functions(
             lambda cloth: [slack for limit in limits for slack in limit.slacks(cloth)]
         )
-        # What stays zero whatever ψ is, as the reaction of a flat surface, makes no force.
-        slopes = np.abs(self.slopes).max(axis=2, initial=0.0)
-        self.values[np.maximum(np.abs(self.values), slopes) <= ROUNDING] = 1.0
 
 
 class Pencil:

@@ -9,7 +9,7 @@ step is one of backward Euler along the gradient flow.
 
 import numpy as np
 
-from ..problem.constraints import ROUNDING, LimitPoints
+from ..problem.constraints import LimitPoints
 from ..result.history import Reason
 from .exchange import missed_points
 from .line_search import Filter, to_boundary
@@ -210,7 +210,7 @@ class Iterate:
         Forces alone would not tell: they vanish where a patch shrinks for ever.
         """
         if self.c.size:
-            return self.c.min() > -ROUNDING
+            return self.c.min() > 0
         left = SETTLED * abs(self.problem.cost()) + ROUND_OFF * self.problem.area
         return self._in_sight <= left
 

@@ -5,7 +5,6 @@ from operator import itemgetter
 import numpy as np
 
 from ..errors import InputError
-from ..problem.constraints import ROUNDING
 
 STRETCHED = 10.0  # cost per area over kc above which a start is dilated
 RIGID_STEPS = 30  # at most; they go on while each lowers the cost
@@ -163,7 +162,7 @@ def _missed(problem):
     known = np.isfinite(problem.cost()) and np.isfinite(problem.slacks()).all()
     if not (known and problem.least_jacobian() > 0):
         return np.inf
-    return 0.0 if least > -ROUNDING else -least
+    return 0.0 if least > 0 else -least + np.finfo(float).tiny
 
 
 def _least_slacks(problem):

@@ -303,8 +303,8 @@ def test_equilibrium_counts_with_a_cost_and_no_limits():
     result = cheapest(1.0)
     assert result.converged
     certificate = result.certificate()
-    assert certificate.equilibrium == result.equilibrium_residual and not certificate.certified
-    assert result.equilibrium_residual > 0.1
+    assert certificate.equilibrium > 0.08 and not certificate.certified
+    assert result.equilibrium_residual > certificate.equilibrium
     assert "equilibrium" in str(certificate)
 
 
@@ -319,6 +319,16 @@ def test_a_limit_that_is_nowhere_active_changes_no_certificate():
     certificate = limited.certificate()
     assert certificate.certified and free.certificate().certified
     assert certificate.equilibrium < 0.02
+
+
+def test_a_cost_that_is_the_energy_is_certified_like_it():
+    def energy(cloth):
+        return 3.0 * cloth.energy
+
+    scene = Scene(DOME, Net(ks=1.0), cost=energy, symmetric=True)
+    result = solve(scene, maxh=0.3, order=3)
+    assert result.converged and result.equilibrium_residual > 0.5
+    assert result.certificate().certified
 
 
 def test_a_metric_that_the_mesh_does_not_resolve_is_told():

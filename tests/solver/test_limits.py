@@ -180,12 +180,14 @@ def test_obstacle():
     assert result.normalized_energy > 1.1 * free.normalized_energy
 
 
-@pytest.mark.parametrize("limits", [[Obstacle()], [Elongation(), Obstacle()]])
-def test_an_obstacle_on_a_flat_plate_asks_for_nothing(limits):
+@pytest.mark.parametrize(
+    ("uneven", "limits"), [(True, [Obstacle()]), (False, [Elongation(), Obstacle()])]
+)
+def test_an_obstacle_on_a_flat_plate_asks_for_nothing(uneven, limits):
     """It neither pushes nor pulls, whatever the patch: τ is zero, or its rounding."""
 
     def plane(x, y):
-        u, v = ngs.sinh(x / 2), y
+        u, v = (ngs.sinh(x / 2), y) if uneven else (x, y)
         return u, v, 0.7 * u + 0.3 * v
 
     surface = Surface(plane, Disk())
@@ -196,3 +198,34 @@ def test_an_obstacle_on_a_flat_plate_asks_for_nothing(limits):
     assert result.normalized_energy < 1e-6
     check = result.certificate().limits[-1]
     assert check.name == "obstacle" and check.holds
+
+
+class Constant:
+    """A limit that says nothing of the cloth."""
+
+    name = "constant"
+
+    def slacks(self, cloth):
+        return (ngs.CF(1.0),)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_limit_that_says_nothing_changes_nothing():
+    surface = hemisphere().surface
+    free, held = (
+        solve(Scene(surface, Net(ks=1.0), limits, symmetric=True), maxh=0.6, order=3)
+        for limits in ((), (Constant(),))
+    )
+    assert held.converged and held.energy == pytest.approx(free.energy, rel=1e-4)
+
+
+def test_a_limit_in_a_tiny_unit_is_not_lost_in_rounding():
+    class Tiny:
+        name = "tiny"
+
+        def slacks(self, cloth):
+            return (1e-20 * (cloth.stretch1 - 1),)
+
+    scene = Scene(hemisphere().surface, Net(ks=1.0), (Tiny(),), symmetric=True)
+    result = solve(scene, maxh=0.6, order=2, max_steps=60)
+    assert not result.converged or result.extrema["stretch1"][0] > 0.99

@@ -15,6 +15,7 @@ from ..result.reading import plain_arrays, plain_bytes
 from ..result.save import checksum
 
 ALLOWED = "a file of this very solve, or one that does not exist yet"
+FARTHEST = 1e100  # coordinates of a patch: cubes of them are numbers
 LARGEST = 2**28  # bytes: 30 million numbers
 
 
@@ -133,6 +134,8 @@ class Checkpoint:
         for name, array in (memory | {"state": found["state"]}).items():
             if array.dtype.kind not in "fbi" or np.isnan(array).any():
                 raise ValueError(f"{name} is not of numbers")
+        if not (np.abs(found["state"]) < FARTHEST).all():
+            raise ValueError("its patch is larger than anything")
         rows = []
         for phase, numbers in zip(found["phases"].tolist(), found["numbers"], strict=True):
             row = Row(phase, *numbers.tolist())

@@ -788,6 +788,7 @@ X = np.linspace(-1.0, 1.0, 9)
         ("z", X, np.zeros((9, 8))),
         ("z", X, np.zeros(9)),
         ("z", X, np.full((9, 9), NAN)),
+        ("z", X, np.full((9, 9), 1e308)),
         ("z", X, [[1, 2], [3]]),
         ("z", X, 1j * np.ones((9, 9))),
         ("z", X, None),

@@ -234,6 +234,8 @@ def test_places_that_are_no_checkpoint(tmp_path, monkeypatch):
         ("memory_z", lambda z: z.astype(str), "damaged"),
         ("state", lambda state: state[:-1], "another shape of the state"),
         ("state", lambda state: state * np.nan, "damaged"),
+        ("state", lambda state: state + np.inf, "damaged"),
+        ("state", lambda state: state * 1e300, "damaged"),
         ("numbers", lambda rows: rows * np.nan, "damaged"),
         ("numbers", lambda rows: rows[:, :3], "damaged"),
         ("phases", lambda phases: phases[:0], "damaged"),

@@ -57,6 +57,15 @@ def test_hemisphere_of_one_face(result):
 
 
 @pytest.mark.slow
+def test_a_cost_of_ones_own(part):
+    """Twice the energy has the same minimum as the energy."""
+    free, costly = (
+        solve(Scene(part, Net(ks=1.0), cost=cost), maxh=0.8, order=2)
+        for cost in (None, lambda cloth: 2.0 * cloth.energy)
+    )
+    assert costly.converged and costly.energy == pytest.approx(free.energy, rel=1e-4)
+
+
 def test_hemisphere_by_default(part):
     result = solve(Scene(part, *TAUT))
     assert result.converged and result.newton_iterations <= 25

@@ -32,7 +32,7 @@ def cost_size(scene):
     """
     if scene.cost is None:
         return 1.0
-    surface = scene.surface
+    surface = scene.tried_on
     metric, area = surface.metric, ngs.sqrt(ngs.Det(surface.metric))
     root = (metric + area * ngs.Id(2)) / ngs.sqrt(ngs.Trace(metric) + 2 * area)
     values = []

@@ -241,6 +241,9 @@ class MeshDomain(Domain):
         first = rims.pop(outer)
         self.rims = [np.roll(first, -int(np.argmax(first[:, 0])), axis=0), *rims]
 
+    def __repr__(self):
+        return "the parameter domain of a surface from a file"
+
     @property
     def box(self):
         """Bounding box ((low1, high1), (low2, high2))."""

@@ -99,6 +99,8 @@ def test_certificate_with_limits(part):
     certificate = result.certificate()
     assert certificate.stationarity < certificate.stationarity_tolerance
     assert certificate.equilibrium < 0.05 and certificate.unfolded
+    assert certificate.curvature > certificate.curvature_tolerance
+    assert "a minimum, strict on this mesh" in certificate.findings[2]
 
 
 def hat_chart(slope=np.pi / 4, fillet=0.3, flange=0.4):

@@ -62,10 +62,7 @@ def mesh_part(folder, edge_names, maxh, levels, orders):
     shape = OCCGeometry(str(folder / "part.brep")).shape
     _name_edges(shape, edge_names)
     netgen_mesh = OCCGeometry(shape).GenerateMesh(
-        maxh=float(maxh),
-        # Elements along a radius of curvature: on the last level as many as by Netgen's default.
-        curvaturesafety=2.0 ** (2 - int(levels)),
-        perfstepsend=MeshingStep.MESHSURFACE,
+        maxh=float(maxh), perfstepsend=MeshingStep.MESHSURFACE
     )
     answer = {}
     for level in range(int(levels)):

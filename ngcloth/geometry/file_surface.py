@@ -205,7 +205,9 @@ class FileSurface(ABC):
         return float(np.linalg.norm(np.ptp(self.box, axis=0)) / np.sqrt(3))
 
     def __str__(self):
-        lengths = " × ".join(f"{length:.4g}" for length in np.ptp(self.box, axis=0))
+        # The box of a CAD kernel is one around control points, and wider.
+        places = self._surveyed.nodes[4].reshape(-1, 3)
+        lengths = " × ".join(f"{length:.4g}" for length in np.ptp(places, axis=0))
         holes = len(self.topology.rims) - 1
         flat = self.least_radius > 1e6 * self.size
         lines = [

@@ -1,5 +1,7 @@
 """A smooth surface near vertices: polynomials over tangent planes, blended."""
 
+from functools import cached_property
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -10,8 +12,8 @@ DEGREE = 4
 EXACT = 36  # vertices of a fit to exact ones
 LARGEST = 800  # vertices of any fit
 BIASED = 1.05  # growth of squared residuals from which on they are not of noise alone
-SAMPLE = 1000  # vertices at which noise is looked for
-WITHIN = 144  # polynomials that are fitted, of those at the vertices that one is fitted to
+SAMPLE = 400  # vertices at which noise is looked for
+WITHIN = 36  # polynomials that are fitted, of those at the vertices that one is fitted to
 BLENDED = 12  # polynomials at a point
 ALIKE = 0.3  # cosine between normals, from which on vertices are on one side of a thin part
 STEPS = 3  # of a projection
@@ -55,11 +57,8 @@ class Jets:
         self.noise, self.curvature_error = float(np.median(noise)), float(np.median(curvature))
         dense = len(points) * min(WITHIN / neighbours, 1)
         self._centres = np.random.default_rng(0).permutation(points)[: int(np.ceil(dense))]
-        fits = list(self._fits(self._centres, neighbours))
-        self._heights, self._frames, self._radius = (
-            np.concatenate([getattr(fit, name) for fit in fits])
-            for name in ("heights", "frames", "radius")
-        )
+        fits = ((f.heights, f.frames, f.radius) for f in self._fits(self._centres, neighbours))
+        self._heights, self._frames, self._radius = map(np.concatenate, zip(*fits, strict=True))
         self._near = cKDTree(self._centres)
 
     def _grown(self, sample, neighbours):
@@ -98,7 +97,7 @@ class Jets:
                 "nki,nkij->nkj", points[:, None] - self._centres[nearest], self._frames[nearest]
             )
             uv = local[..., :2] / self._radius[nearest][..., None]
-            height = np.einsum("nkp,nkp->nk", _basis(uv, self._powers), self._heights[nearest])
+            height = np.einsum("npk,nkp->nk", _basis(uv, self._powers), self._heights[nearest])
             points = points + np.einsum("nk,nki->ni", weight * (height - local[..., 2]), looks)
         return points
 
@@ -126,20 +125,27 @@ class _Fit:
         first = _unit(np.cross(normals, np.eye(3)[np.argmin(np.abs(normals), axis=1)]))
         self.frames = np.stack([first, np.cross(normals, first), normals], axis=-1)
         local = (jets._points[nearest] - points[:, None]) @ self.frames
-        basis = _basis(local[..., :2] / self.radius[:, None, None], self._powers)
-        weighted = (self._weight[:, :, None] * basis).transpose(0, 2, 1)
-        matrix = weighted @ basis
-        size = np.trace(matrix, axis1=1, axis2=2)
-        matrix += 1e-12 * size[:, None, None] * np.eye(len(self._powers))
-        self._inverse = np.linalg.inv(matrix)
-        self._spread = weighted @ weighted.transpose(0, 2, 1)
-        self.heights = (self._inverse @ (weighted @ local[..., 2:]))[..., 0]
-        self._residual = local[..., 2] - (basis @ self.heights[..., None])[..., 0]
+        self._basis = _basis(local[..., :2] / self.radius[:, None, None], self._powers)
+        self._weighted = self._weight[:, None] * self._basis
+        self._matrix = self._weighted @ self._basis.transpose(0, 2, 1)
+        size = np.trace(self._matrix, axis1=1, axis2=2)
+        self._matrix += 1e-12 * size[:, None, None] * np.eye(len(self._powers))
+        self._local = local[..., 2:]
+        self.heights = np.linalg.solve(self._matrix, self._weighted @ self._local)[..., 0]
+
+    @cached_property
+    def _inverse(self):
+        return np.linalg.inv(self._matrix)
+
+    @cached_property
+    def _spread(self):
+        return self._weighted @ self._weighted.transpose(0, 2, 1)
 
     @property
     def noise(self):
         """Standard deviation of the vertices from each polynomial."""
-        squares = np.einsum("nk,nk->n", self._weight, self._residual**2)
+        residual = self._local[..., 0] - (self.heights[:, None] @ self._basis)[:, 0]
+        squares = np.einsum("nk,nk->n", self._weight, residual**2)
         taken = np.einsum("nij,nji->n", self._inverse, self._spread)
         return np.sqrt(squares / np.maximum(self._weight.sum(axis=1) - taken, 1e-3))
 
@@ -153,13 +159,13 @@ class _Fit:
 
 
 def _basis(uv, powers):
-    """Monomials (n, k, len(powers)) of coordinates (n, k, 2)."""
+    """Monomials (n, len(powers), k) of coordinates (n, k, 2)."""
     powers_of = np.ones((2, DEGREE + 1, *uv.shape[:-1]))
     for i in range(DEGREE):
         powers_of[:, i + 1] = powers_of[:, i] * np.moveaxis(uv, -1, 0)
-    basis = np.empty((*uv.shape[:-1], len(powers)))
+    basis = np.empty((len(uv), len(powers), uv.shape[1]))
     for number, (i, j) in enumerate(powers):
-        basis[..., number] = powers_of[0, i] * powers_of[1, j]
+        np.multiply(powers_of[0, i], powers_of[1, j], out=basis[:, number])
     return basis
 
 

@@ -205,7 +205,9 @@ class Certificate:
         if proven:
             proofs += f", the metric known to {self.metric_error:.0e}"
         samples = ", ".join([*sampled, f"J ≥ {self.jacobian:.2g}", "no overlap"])
-        optimum = f"a minimum, curvature {self.curvature:.2g}"
+        strict = self.curvature > self.curvature_tolerance
+        which = "strict on this mesh" if strict else "the warp may turn, or something, at no cost"
+        optimum = f"a minimum, {which}, curvature {self.curvature:.2g}"
         if self.asymmetric_curvature is not None:
             optimum += f" within the symmetry, {self.asymmetric_curvature:.2g} across it"
         optimum += f", stationary to {self.stationarity:.1g} of the stress"

@@ -56,7 +56,6 @@ def test_hemisphere_of_one_face(result):
     assert np.ptp(result.outline(), axis=0).max() < np.pi
 
 
-@pytest.mark.slow
 def test_a_cost_of_ones_own(part):
     """Twice the energy has the same minimum as the energy."""
     free, costly = (
@@ -66,6 +65,7 @@ def test_a_cost_of_ones_own(part):
     assert costly.converged and costly.energy == pytest.approx(free.energy, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_hemisphere_by_default(part):
     result = solve(Scene(part, *TAUT))
     assert result.converged and result.newton_iterations <= 25

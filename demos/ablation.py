@@ -42,7 +42,15 @@ from stability_cases import ENDS, cases
 from timed_solves import SCENES, TURNED
 
 import ngcloth
-from ngcloth.solver import gradient_flow, interior_point, line_search, saddle_system, start
+from ngcloth.solver import (
+    barrier,
+    gradient_flow,
+    interior_point,
+    iterate,
+    line_search,
+    saddle_system,
+    start,
+)
 
 PAGE = Path(__file__).parents[1] / "docs" / "ablation.md"
 PROCESSES = 2
@@ -82,12 +90,16 @@ LEFT_OUT = {
 inf = np.inf
 # Names, and the value at which each is switched off.
 CONSTANTS = {
-    interior_point: {
+    barrier: {
         "FIRST_MU": 1e-3,  # no sequence of barriers but the last one
         "WARM_MU": 1.0,  # each mesh begins as the first does
         "LOWER_MU": 0.0,
         "UNSEEN": 1e-6,
+        "UNSEEN_OF_BAR": inf,
         "LEAST_MU": 1e-3,
+    },
+    interior_point: {"GAIN": inf},  # no saddle is left
+    iterate: {
         "HIGHER": None,
         "LASTING_RATE": inf,
         "NEARLY": 1.0,
@@ -97,7 +109,6 @@ CONSTANTS = {
         "CENTRED": 1.0,  # aims for μ
         "LEAST_SLACK": 1e-8,
         "PATIENCE": 10**9,
-        "GAIN": inf,  # no saddle is left
         "SETTLED": inf,
         "ROUND_OFF": 0.0,
     },
@@ -122,12 +133,13 @@ def _always_flat(problem, recorder):
     start.feasible_start(problem)
 
 
-Iterate = interior_point.Iterate
+Iterate = iterate.Iterate
 # What goes: where it is, and what stands in for it.
 BRANCHES = {
     "inertia": (saddle_system.SaddleSystem, "is_minimum", lambda system: True),
-    "inertia and curvature": (Iterate, "_tends_to_minimum", lambda iterate, matrix: True),
-    "all correctors": (Iterate, "_corrected", lambda iterate, solve, ds, dz: (ds, dz)),
+    "inertia and curvature": (Iterate, "_tends_to_minimum", lambda self, matrix: True),
+    "all correctors": (Iterate, "_corrected", lambda self, solve, ds, dz: (ds, dz)),
+    "second-order corrections": (Iterate, "_bends", lambda self, violation: False),
     "filter": (line_search.Filter, "accepts", lambda pairs, length, slope, old, new: new[0] < inf),
     "the given start": (interior_point, "near_start", _always_flat),
 }

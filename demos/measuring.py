@@ -139,7 +139,7 @@ def profile(name, maxh):
         "start": cumulative("start.py", "near_start"),
         "matrix": cumulative("closed_form.py", "hessian"),
         "factorisation, solution": cumulative("saddle_system.py", "solver", "solve"),
-        "line search": cumulative("interior_point.py", "_line_search"),
+        "line search": cumulative("iterate.py", "_line_search"),
     }
     parts["forces, stopping test"] = steps - sum(list(parts.values())[2:])
     parts["check for folds"] = cumulative("result.py", "unfolded")

@@ -6,8 +6,8 @@ from ..energy.automatic import AutomaticLagrangian
 from ..energy.closed_form import ClosedFormLagrangian
 from ..errors import InputError, check_integer, check_number
 from ..problem.fabric import of_strain_alone
+from .barrier import LEAST_MU
 from .gradient_flow import adaptive_flow, fixed_flow
-from .interior_point import LEAST_MU
 
 LINEARISATIONS = {"closed form": ClosedFormLagrangian, "automatic": AutomaticLagrangian}
 FLOWS = {"adaptive": adaptive_flow, "paper": fixed_flow}

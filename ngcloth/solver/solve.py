@@ -12,10 +12,10 @@ from ..result.alone import alone
 from ..result.history import Reason
 from ..result.result import Result
 from ..result.save import fingerprint
+from .barrier import unseen
 from .chain import discretised, run, run_finer
 from .checkpoint import Checkpoint
 from .error import helped_by_meshes, with_error
-from .interior_point import unseen
 from .meshes import COARSER, coarser_levels, make_sheets
 from .recorder import Recorder
 from .settings import KNOWN, checked_settings

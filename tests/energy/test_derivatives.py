@@ -11,7 +11,7 @@ from ngcloth import BendingThreads, Elongation, Net, Scene, ShearLimit
 from ngcloth.energy.automatic import AutomaticLagrangian
 from ngcloth.problem.constraints import RIM_SHARE
 from ngcloth.scenes import hemisphere, sphere
-from ngcloth.solver.interior_point import Iterate
+from ngcloth.solver.iterate import Iterate
 
 
 @pytest.fixture(params=TAYLOR)

@@ -23,7 +23,7 @@ from ngcloth import (
 )
 from ngcloth.energy.closed_form import ClosedFormLagrangian
 from ngcloth.scenes import hemicatenoid, hemisphere, sphere
-from ngcloth.solver.interior_point import LASTING_RATE, PATIENCE, Iterate
+from ngcloth.solver.iterate import LASTING_RATE, PATIENCE, Iterate
 from ngcloth.solver.meshes import make_sheets
 from ngcloth.solver.recorder import Recorder
 from ngcloth.solver.start import feasible_start

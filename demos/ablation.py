@@ -103,7 +103,6 @@ CONSTANTS = {
         "HIGHER": None,
         "LASTING_RATE": inf,
         "NEARLY": 1.0,
-        "SHORTENED": 0.0,
         "CORRECTORS": 0,
         "LONGER": 1.0,  # aims for a full step
         "CENTRED": 1.0,  # aims for μ

@@ -209,7 +209,10 @@ class Certificate:
         which = "strict on this mesh" if strict else "the warp may turn, or something, at no cost"
         optimum = f"a minimum, {which}, curvature {self.curvature:.2g}"
         if self.asymmetric_curvature is not None:
-            optimum += f" within the symmetry, {self.asymmetric_curvature:.2g} across it"
+            across = self.asymmetric_curvature
+            optimum += f" within the symmetry, {across:.2g} across it"
+            if across < -self.curvature_tolerance:
+                optimum += ": patches without the symmetry cost less"
         optimum += f", stationary to {self.stationarity:.1g} of the stress"
         if self.equilibrium is not None:
             optimum += f", equilibrium to {self.equilibrium:.1g}"

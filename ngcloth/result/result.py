@@ -233,6 +233,9 @@ class Result(TakenAway):
         """A unit vector along the warp, (3,), at `Scene.at`, by default in the middle."""
         theta, _, tangents = self.middle
         along = tangents @ np.linalg.inv(self.slopes(theta))[:, 0]
+        if self.scene.symmetric and self._from_file:
+            across = self.scene.surface.quarter[1].normals[0]
+            along = across * np.sign(across @ along)  # exactly: a triangle knows it to its error
         return along / np.linalg.norm(along)
 
     @cached_property

@@ -18,9 +18,9 @@ def summary(result):
     energy = with_bar(f"{result.normalized_energy:.6e}", bar and bar / unit)
     area = with_bar(f"{result.area:.6f}", result.error["area"])
     asked = result.settings.get("accuracy")
-    short = ""
+    short = "; one mesh, no error bar" if bar is None and result.scene.constraints else ""
     if result.falls_short:
-        short = f"\n  the accuracy of {asked:g} that was asked for is not reached"
+        short += f"\n  the accuracy of {asked:g} that was asked for is not reached"
     return (
         f"{result.scene.name}: {result.why}\n"
         f"  E/(2π kc) = {energy}, patch area {area}{short}\n"

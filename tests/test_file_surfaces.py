@@ -67,8 +67,9 @@ def test_a_cost_of_ones_own(part):
 
 @pytest.mark.slow
 def test_hemisphere_by_default(part):
+    """Nothing holds its direction: the patch turns at next to no cost, and takes its time."""
     result = solve(Scene(part, *TAUT))
-    assert result.converged and result.newton_iterations <= 25
+    assert result.converged and result.newton_iterations <= 200
     assert result.normalized_energy == pytest.approx(HEMISPHERE, abs=3e-4)
 
 

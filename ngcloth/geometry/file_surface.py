@@ -155,9 +155,9 @@ class FileSurface(ABC):
             return sheet, mirrors_of(sheet, self.size)
         except (MirrorError, FlatteningError) as error:
             allowed = (
-                f"False here, where the whole part is solved: {error}. A quarter of a part has to "
-                "be cut off in CAD along its two mirror planes, and its edges there named 'mirror1'"
-                " and 'mirror2', the latter along the warp"
+                "False, to solve the whole part; or a quarter, cut off in CAD along its two mirror "
+                "planes, its edges there named 'mirror1' and 'mirror2', the latter along the warp. "
+                f"Here, {error}"
             )
             raise InputError("symmetric", True, allowed) from None
 

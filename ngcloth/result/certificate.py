@@ -212,7 +212,7 @@ class Certificate:
             across = self.asymmetric_curvature
             optimum += f" within the symmetry, {across:.2g} across it"
             if across < -self.curvature_tolerance:
-                optimum += ": patches without the symmetry cost less"
+                optimum += ": patches without the symmetry may cost less"
         optimum += f", stationary to {self.stationarity:.1g} of the stress"
         if self.equilibrium is not None:
             optimum += f", equilibrium to {self.equilibrium:.1g}"

@@ -22,9 +22,9 @@ LASTING_RATE = 1e3
 # μ falls once the error of the equations is below so many μ; but below `CENTRED` μ, while 1/Δt is
 # above `HIGHER`: a patch that slides slowly is far from where it will be.
 NEARLY = 30.0
-# Correctors of products s z: one for their second order, by at most μ, since a larger one could keep
-# products for ever where multipliers are not unique; then at most so many for a step longer by
-# `LONGER`, to within `CENTRED` times μ.
+# Correctors of products s z: one for their second order, by at most μ, since a larger one could
+# keep products for ever where multipliers are not unique; then at most so many for a step longer
+# by `LONGER`, to within `CENTRED` times μ.
 CORRECTORS, LONGER, CENTRED = 5, 0.4, 10.0
 SETTLED, ROUND_OFF = 1e-2, 1e-18  # of a cost: how far it may still fall; and per area
 LEAST_SLACK = 1e-2  # of slack variables at the start, times √μ below 1

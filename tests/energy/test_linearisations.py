@@ -110,7 +110,7 @@ SOLVES = {
     "catenoid": (lambda: ngcloth.scenes.hemicatenoid(100.0), {"maxh": 0.4}),
     "shear limit": (lambda: ngcloth.scenes.sphere(0.7, shear_limit=GAMMA), {"maxh": 0.3}),
     "obstacle": (lambda: ngcloth.scenes.hemicatenoid(1.0, obstacle=True), {"maxh": 0.7}),
-    "a law of its own": (SCENES["felt"], {"maxh": 0.6, "order": 2}),
+    "a law of its own": (SCENES["felt"], {"maxh": 0.65, "order": 2}),
     "a cost of its own": (
         lambda: Scene(
             ngcloth.scenes.hemisphere().surface,

@@ -70,7 +70,7 @@ def test_the_optimum_among_patches_so_turned():
 def test_certificate_of_a_given_direction():
     """A minimum among patches with this direction is none among all, and the certificate knows."""
     scene = Scene(DOME, Net(ks=10.0), warp=(1, 0.5, 0))
-    result = solve(scene, maxh=0.2)
+    result = solve(scene, maxh=0.15)
     certificate = result.certificate()
     assert certificate.certified, str(certificate)
     free = replace(result, scene=replace(scene, warp=None, at=None)).certificate()

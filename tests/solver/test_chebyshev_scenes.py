@@ -306,9 +306,10 @@ def test_hemicatenoid_scales():
 
 @pytest.mark.parametrize("ks", [0.3, 2.0])
 def test_symmetric_halves_are_what_the_whole_finds(ks):
-    """On a cap with three distinct axes the optimum has its mirror lines, asked for or not.
+    """On a cap with three distinct axes the optimum has its mirror lines, if shear is stiff.
 
-    With ks = 0 it need not: there any two crossing curves span a Chebyshev net.
+    Softer cloth does better without them, and the certificate of the quarter says so. With ks = 0
+    any two crossing curves span a Chebyshev net.
     """
     surface = Surface(ellipsoid, Disk(1))
     quarter, whole = (
@@ -322,8 +323,13 @@ def test_symmetric_halves_are_what_the_whole_finds(ks):
     )
     assert quarter.converged and whole.converged
     assert quarter.energy > 1e-4
-    assert whole.energy == pytest.approx(quarter.energy, rel=1e-4)
-    assert whole.area == pytest.approx(quarter.area, rel=1e-5)
+    certificate = quarter.certificate()
+    if certificate.asymmetric_curvature < -certificate.curvature_tolerance:
+        assert ks == 0.3 and whole.energy < 0.95 * quarter.energy
+        assert "without the symmetry may cost less" in str(certificate)
+    else:
+        assert ks == 2.0 and whole.energy == pytest.approx(quarter.energy, rel=1e-4)
+        assert whole.area == pytest.approx(quarter.area, rel=1e-5)
     shifted = whole.outline(24) - whole.psi(0, 0)
     assert shifted == pytest.approx(quarter.outline(24), abs=1e-3)
 

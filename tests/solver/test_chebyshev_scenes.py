@@ -330,8 +330,8 @@ def test_symmetric_halves_are_what_the_whole_finds(ks):
     else:
         assert ks == 2.0 and whole.energy == pytest.approx(quarter.energy, rel=1e-4)
         assert whole.area == pytest.approx(quarter.area, rel=1e-5)
-    shifted = whole.outline(24) - whole.psi(0, 0)
-    assert shifted == pytest.approx(quarter.outline(24), abs=1e-3)
+        shifted = whole.outline(24) - whole.psi(0, 0)
+        assert shifted == pytest.approx(quarter.outline(24), abs=1e-3)
 
 
 def test_whole_hemisphere_reaches_zero_as_well():

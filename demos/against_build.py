@@ -34,13 +34,13 @@ QUICK = 2  # meshes of a scene
 
 
 def solves(quick=False):
-    """The report's solves of order 2 by ngcloth's own schedule, as (scene, settings)."""
+    """The report's solves of order 2, with settings that all builds know, as (scene, settings)."""
     report = {CHEBYSHEV: chebyshev_jobs()}
     report |= {scene: jobs(scene, sizes) for scene, sizes in MESHES.items()}
-    curves = (DEFAULT,) if quick else (DEFAULT, WEAK)
     found = []
     for scene, those in report.items():
-        own = [settings for curve, settings in those if curve in curves]
+        curve = DEFAULT if scene == CHEBYSHEV else WEAK
+        own = [settings for name, settings in those if name == curve]
         own.sort(key=lambda settings: -settings["maxh"])
         found += [(scene, settings) for settings in own[: QUICK if quick else None]]
     return found

@@ -313,7 +313,7 @@ class Iterate:
             if length == 1 and self._bends(old[1]):
                 straight = problem.direction.vec.CreateVector()
                 straight.data = problem.direction.vec
-                bent = self._bent_step(length, before)
+                bent = self._bent_step(before)
                 bent_length = to_boundary(before[0], bent)
                 if accepted(bent_length, bent):
                     return bent_length
@@ -328,8 +328,8 @@ class Iterate:
         """Whether what is here, after a step, violates more than before, but can be corrected."""
         return self.problem.least_jacobian() > 0 and self._violation() >= violation
 
-    def _bent_step(self, length, before):
-        """Bend a step of this length, from `before`, toward limits and equilibrium; the new ds.
+    def _bent_step(self, before):
+        """Bend the whole step from `before` toward limits and equilibrium; return the new ds.
 
         The second-order correction of Wächter and Biegler (2006, eq. 27): what the step leaves of
         c − s and imbalance is taken off as well. Down a narrow valley, as that of cloth that hardly
@@ -340,11 +340,10 @@ class Iterate:
         gap = self.c - self.s
         problem.state.vec.data = self._before
         self.s, self.c = before
-        gap += length * (self.c - self.s)
+        gap += self.c - self.s
         self._load_toward(self._products, gap)
         v = slice(problem.psi_dofs.stop, None)
-        load = self._load.FV().NumPy()
-        load[v] = length * load[v] - self._missed.FV().NumPy()[v]
+        self._load.FV().NumPy()[v] -= self._missed.FV().NumPy()[v]
         self._solve(self._load, problem.direction.vec)
         self._project(problem.direction.vec)
         return problem.slack_changes() + gap

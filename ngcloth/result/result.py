@@ -176,7 +176,7 @@ class Result(TakenAway):
         ndarray, (...) + expression.dims
         """
         if not isinstance(expression, ngs.CoefficientFunction):
-            allowed = "an expression of NGSolve, such as result.sheet.position"
+            allowed = "an expression of NGSolve, such as result.whole.position"
             raise InputError("expression", expression, allowed)
         theta = check_points("theta", theta, 2)
         if not self._from_file:

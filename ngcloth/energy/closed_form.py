@@ -1,5 +1,7 @@
 """The Lagrangian of a scene with limits from numbers at the sampling points: the fast way."""
 
+from functools import cached_property
+
 import ngsolve as ngs
 import numpy as np
 
@@ -42,7 +44,7 @@ class ClosedFormLagrangian(ConstrainedLagrangian):
 
     def slack_changes(self):
         """Derivatives of all slacks along ψ of `direction`, (slacks, points)."""
-        direction = self.direction.vec.FV().NumPy()[self.psi_dofs].reshape(2, -1)
+        direction = self.direction.vec.FV().NumPy()[self.psi_dofs]
         return np.concatenate([limits.changes(direction) for limits in self._limits], axis=1)
 
     @of_state
@@ -74,10 +76,7 @@ class ClosedFormLagrangian(ConstrainedLagrangian):
         out : BaseVector
             Of the unknowns of `state`.
         """
-        inside, *others = self._by_place(z)
-        limits = inside[0].slopes(*inside[1:])
-        force = self._psi_force() + self._loads(inside[0], limits)
-        force += sum(self._loads(each, each.slopes(*part)) for each, *part in others)
+        force = self._psi_force() + sum(limits.loads(part) for limits, part in self._by_place(z))
         out.FV().NumPy()[:] = np.concatenate([force, self._multiplier_force()])
 
     def multiplier_force(self, out):
@@ -88,9 +87,7 @@ class ClosedFormLagrangian(ConstrainedLagrangian):
     def cost_gradient(self, out):
         """Write the derivative of `cost` to the vector `out`."""
         out[:] = 0
-        out.FV().NumPy()[self.psi_dofs] = self._loads(
-            self._limits[0], self._measure() * self._cost_slopes()
-        )
+        out.FV().NumPy()[self.psi_dofs] = self._loads(self._cost_slopes())
 
     def hessian(self, z, stiffness):
         """The second derivative of E + dE[v] − Σ z c + ½ Σ stiffness (c − c̄)², c̄ = c frozen.
@@ -143,8 +140,10 @@ class ClosedFormLagrangian(ConstrainedLagrangian):
 
     def _by_place(self, *values):
         """The limits of each family of points, with its part of values (slacks, points)."""
-        ends = np.cumsum([len(limits.weights) for limits in self._limits])[:-1]
-        return zip(self._limits, *(np.split(value, ends, axis=1) for value in values), strict=True)
+        return [
+            (limits, *(value[:, part] for value in values))
+            for limits, part in zip(self._limits, self.parts, strict=False)
+        ]
 
     def _measure(self):
         """Flat area, with the weights of the points."""
@@ -167,8 +166,7 @@ class ClosedFormLagrangian(ConstrainedLagrangian):
     @of_state
     def _psi_force(self):
         """Derivatives of E and dE[v] by ψ, (dofs of ψ,)."""
-        slopes = self._cost_slopes() + self._strain.work_slopes()
-        return self._loads(self._limits[0], self._measure() * slopes)
+        return self._loads(self._cost_slopes() + self._strain.work_slopes())
 
     @of_state
     def _multiplier_force(self):
@@ -176,17 +174,23 @@ class ClosedFormLagrangian(ConstrainedLagrangian):
         stress = self._measure() * self._strain.stress()
         return self._strain.flat_v().transposed(stress.reshape(2, 2, -1)).ravel()
 
-    def _loads(self, limits, slopes):
-        """The forces on ψ, (dofs of ψ,), of what acts on Y where these limits are, (4, points)."""
-        return limits.cloth.flat().transposed(slopes.reshape(2, 2, -1)).ravel()
+    def _loads(self, slopes):
+        """The forces on ψ, (dofs of ψ,), of what acts on Y per flat area, (4, points)."""
+        loads = self._measure() * slopes
+        return self._here.flat().transposed(loads.reshape(2, 2, -1)).ravel()
 
     def _places_of_blocks(self):
         """Where in the matrix the blocks of ψ and ψ, v and ψ, ψ and v of all triangles belong."""
+        psi, v_and_psi, psi_and_v = self._places_by_triangle
+        others = [psi[limits.cloth.points.triangles] for limits in self._limits[1:]]
+        return np.concatenate([part.ravel() for part in (psi, *others, v_and_psi, psi_and_v)])
+
+    @cached_property
+    def _places_by_triangle(self):
+        """The same for each triangle, (triangles, rows, columns)."""
 
         def numbers(components, dofs):
             return np.concatenate([self.fes.Range(i).start + dofs for i in components], axis=1)
 
-        psi, *others = (numbers((0, 1), limits.cloth.psi.dofs) for limits in self._limits)
-        v = numbers((2, 3), self._v.dofs)
-        pairs = (psi, psi), *((each, each) for each in others), (v, psi), (psi, v)
-        return np.concatenate([places(self._matrix, *pair) for pair in pairs])
+        psi, v = numbers((0, 1), self._here.psi.dofs), numbers((2, 3), self._v.dofs)
+        return [places(self._matrix, *pair) for pair in ((psi, psi), (v, psi), (psi, v))]

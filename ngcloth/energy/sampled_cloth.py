@@ -43,7 +43,7 @@ class SampledCloth(Kinematics):
     def __init__(self, state, psi, points, metric, fabric, curvature):
         self.state, self.points, self.psi = state, points, psi
         self.unknowns = state.vec.FV().NumPy()[: state.space.Range(1).stop]
-        self.variables, self._fields, self._tensors = [], [], []
+        self.variables, self._numbers, self._tensors = [], [], []
         gradient = ngs.CF(self._variables(4), dims=(2, 2))
         super().__init__(gradient, metric, fabric, curvature)
 
@@ -57,7 +57,7 @@ class SampledCloth(Kinematics):
         fields = [self.points.field() for _ in range(number)]
         # By the fields themselves NGSolve differentiates neither splines nor powers.
         variables = [1.0 * field for field in fields]
-        self._fields += fields
+        self._numbers += [field.vec.FV().NumPy() for field in fields]
         self.variables += variables
         return tuple(variables)
 
@@ -108,8 +108,8 @@ class SampledCloth(Kinematics):
         """Set `variables` to their values at the current state."""
         values = [*self.gradients().reshape(4, -1)]
         values += [row for tensor in self.pushed_tensors() for row in tensor]
-        for field, row in zip(self._fields, values, strict=True):
-            field.vec.FV().NumPy()[:] = row
+        for numbers, row in zip(self._numbers, values, strict=True):
+            numbers[:] = row
 
 
 def _pushed(inverse, tensor):
@@ -155,7 +155,7 @@ class SampledExpressions:
 
     def __init__(self, cloth, expressions):
         self._cloth, self.unknowns = cloth, cloth.unknowns
-        self._number = len(expressions)
+        self.number = len(expressions)
         self._values = Stacked(expressions)
         self._firsts = partial_derivatives(enumerate(expressions), cloth.variables)
         self._first_values = Stacked(self._firsts.values())
@@ -169,7 +169,7 @@ class SampledExpressions:
     @of_state
     def slopes(self):
         """Their derivatives by Y, (expressions, 4, points)."""
-        slopes = np.zeros((self._number, 4, len(self._cloth.points)))
+        slopes = np.zeros((self.number, 4, len(self._cloth.points)))
         for (row, variable), partial in zip(self._firsts, self._partials(), strict=True):
             slopes[row] += partial * self._cloth.slopes()[variable]
         return slopes

@@ -33,6 +33,7 @@ class Points:
         self._mesh, self._order, self._samples = mesh, (degree + 1) // 2, {}
         self.space = self._fields()
         self.dx = self._integral(self.space.GetIntegrationRules())
+        self._number = self.space.ndof
 
     def _fields(self, **flags):
         return IntegrationRuleSpace(self._mesh, order=self._order, **flags)
@@ -44,15 +45,17 @@ class Points:
         field.Interpolate(expression)
 
     def __len__(self):
-        return self.space.ndof
+        return self._number
 
     def sample(self, expression):
         """Values of an expression, (components, points)."""
         n = expression.dim
         if n not in self._samples:  # all components in one pass, which a product of spaces is not
-            self._samples[n] = ngs.GridFunction(self._fields(dim=n))
-        self._interpolate(self._samples[n], expression)
-        return np.ascontiguousarray(self._samples[n].vec.FV().NumPy().reshape(-1, n).T)
+            samples = ngs.GridFunction(self._fields(dim=n))
+            self._samples[n] = samples, samples.vec.FV().NumPy().reshape(-1, n)
+        samples, numbers = self._samples[n]
+        self._interpolate(samples, expression)
+        return np.ascontiguousarray(numbers.T)
 
     def sample_surface(self, expression):
         """Values of an expression of the surface's own mesh, (components, points)."""
@@ -90,6 +93,11 @@ class RimPoints(Points):
 
     Weights are of integrals along the rim.
     """
+
+    @cached_property
+    def triangles(self):
+        """The numbers of the triangles at its edges, (edges,)."""
+        return np.array([self._mesh[edge.edges[0]].elements[0].nr for edge in self._rim.Elements()])
 
     @property
     def _rim(self):
@@ -136,8 +144,8 @@ class RimPoints(Points):
         rule = self.space.GetIntegrationRules()[ngs.ET.SEGM]
         along = np.array(rule.points)[:, :1]
         shapes, dofs = [], []
-        for edge in self._rim.Elements():
-            (triangle,) = self._mesh[edge.edges[0]].elements
+        for edge, number in zip(self._rim.Elements(), self.triangles, strict=True):
+            triangle = ngs.ElementId(ngs.VOL, int(number))
             corners = [vertex.nr for vertex in self._mesh[triangle].vertices]
             begin, end = (CORNERS[corners.index(vertex.nr)] for vertex in edge.vertices)
             element, map_to = space.GetFE(triangle), self._mesh.GetTrafo(triangle)
@@ -157,10 +165,15 @@ class AddedPoints(Points):
     ----------
     mesh : ngsolve.Mesh
     added : LimitPoints
+
+    Attributes
+    ----------
+    triangles : ndarray, (points,)
+        Their numbers.
     """
 
     def __init__(self, mesh, added):
-        self.added = added
+        self.triangles, self._reference = added
         self._at = mesh_points(mesh, *added)
         (theta,) = np.array([ngs.CF((ngs.x, ngs.y))(self._at)])
         size = np.abs(theta).max(initial=1e-9)
@@ -178,7 +191,7 @@ class AddedPoints(Points):
     def shapes(self, space):
         """As of `Points`; with each point as a triangle of its own, that has it alone."""
         mesh, shapes, dofs = self._surface_mesh, [], []
-        for triangle, reference in zip(*self.added, strict=True):
+        for triangle, reference in zip(self.triangles, self._reference, strict=True):
             number = ngs.ElementId(ngs.VOL, int(triangle))
             element, map_to = space.GetFE(number), mesh.GetTrafo(number)
             shapes.append(element.CalcDShape(map_to(*reference.tolist())))
@@ -200,11 +213,14 @@ class Sampling:
     shapes : ndarray, (triangles, 2, points of a triangle, dofs of a triangle)
         Derivatives of the shape functions.
     dofs : ndarray, (triangles, dofs of a triangle)
-        Their numbers in `space`.
+        Their numbers in `space`, ascending, so that all points of a triangle have the same.
     """
 
     def __init__(self, space, points):
-        self.shapes, self.dofs = map(np.ascontiguousarray, points.shapes(space))
+        shapes, dofs = points.shapes(space)
+        order = np.argsort(dofs, axis=1)
+        self.dofs = np.take_along_axis(dofs, order, axis=1)
+        self.shapes = np.take_along_axis(shapes, order[:, None, None], axis=3)
         self._ndof = space.ndof
 
     def flat(self, inverses):
@@ -275,9 +291,9 @@ def places(matrix, rows, columns):
 
     Returns
     -------
-    ndarray, (triangles * rows * columns,)
+    ndarray, (triangles, rows, columns)
     """
     _, known, starts = (np.array(part, dtype=np.int64) for part in matrix.CSR())
     numbers = np.repeat(np.arange(matrix.height), np.diff(starts)) * matrix.width + known
     sought = rows[:, :, None].astype(np.int64) * matrix.width + columns[:, None, :]
-    return np.searchsorted(numbers, sought.ravel())
+    return np.searchsorted(numbers, sought.ravel()).reshape(sought.shape)

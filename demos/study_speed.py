@@ -23,7 +23,7 @@ import numpy as np
 import ngcloth
 
 ACCURACY = 0.01  # relative, of the energy
-SETTINGS = {"maxh": 0.6, "order": 5, "accuracy": ACCURACY, "max_steps": 100}
+SETTINGS = {"maxh": 0.6, "order": 4, "accuracy": ACCURACY, "max_steps": 100}
 
 
 def make_scene(surface, ks):

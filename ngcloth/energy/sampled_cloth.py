@@ -1,6 +1,6 @@
 """The cloth at the sampling points, as numbers, with derivatives by the gradient of ψ."""
 
-from functools import cached_property
+from itertools import pairwise
 
 import ngsolve as ngs
 import numpy as np
@@ -154,57 +154,49 @@ class SampledExpressions:
     """
 
     def __init__(self, cloth, expressions):
-        self._cloth, self.unknowns = cloth, cloth.unknowns
-        self.number = len(expressions)
-        self._values = Stacked(expressions)
+        self._cloth, self.unknowns, self.number = cloth, cloth.unknowns, len(expressions)
         self._firsts = partial_derivatives(enumerate(expressions), cloth.variables)
-        self._first_values = Stacked(self._firsts.values())
+        seconds = {
+            (*at, other): second
+            for (at, other), second in partial_derivatives(
+                self._firsts.items(), cloth.variables
+            ).items()
+            if other <= at[1]
+        }
+        self._seconds = list(seconds)  # places: expression, variable, variable
+        self._all = Stacked(expressions, self._firsts.values(), seconds.values())
 
     @of_state
+    def _evaluated(self):
+        """Their values, and their first and second derivatives by variables."""
+        self._cloth.update()
+        return self._all.at(self._cloth.points)
+
     def values(self):
         """Their values, (expressions, points)."""
-        self._cloth.update()
-        return self._values.at(self._cloth.points)
+        return self._evaluated()[0]
 
     @of_state
     def slopes(self):
         """Their derivatives by Y, (expressions, 4, points)."""
+        (_, firsts, _), of_variables = self._evaluated(), self._cloth.slopes()
         slopes = np.zeros((self.number, 4, len(self._cloth.points)))
-        for (row, variable), partial in zip(self._firsts, self._partials(), strict=True):
-            slopes[row] += partial * self._cloth.slopes()[variable]
+        for (row, variable), first in zip(self._firsts, firsts, strict=True):
+            slopes[row] += first * of_variables[variable]
         return slopes
 
     def bend(self, weights):
         """Second derivatives by Y of their sum times weights (expressions, points)."""
-        slopes = self._cloth.slopes()
-        firsts = np.zeros((len(slopes), len(self._cloth.points)))
-        for (row, variable), partial in zip(self._firsts, self._partials(), strict=True):
-            firsts[variable] += weights[row] * partial
-        bend = self._cloth.bend(firsts)
-        places, seconds = self._seconds
+        (_, firsts, seconds), slopes = self._evaluated(), self._cloth.slopes()
+        by_variable = np.zeros((len(slopes), len(self._cloth.points)))
+        for (row, variable), first in zip(self._firsts, firsts, strict=True):
+            by_variable[variable] += weights[row] * first
+        bend = self._cloth.bend(by_variable)
         factors = [
             (weights[row] * second * (0.5 if one == other else 1) * slopes[one], slopes[other])
-            for (row, one, other), second in zip(
-                places, seconds.at(self._cloth.points), strict=True
-            )
+            for (row, one, other), second in zip(self._seconds, seconds, strict=True)
         ]
         return bend + symmetric_products(*zip(*factors, strict=True)) if factors else bend
-
-    @of_state
-    def _partials(self):
-        self._cloth.update()
-        return self._first_values.at(self._cloth.points)
-
-    @cached_property
-    def _seconds(self):
-        """Places (expression, variable, variable) of second derivatives, and their values."""
-        variables = self._cloth.variables
-        seconds = {
-            (*at, other): second
-            for (at, other), second in partial_derivatives(self._firsts.items(), variables).items()
-            if other <= at[1]
-        }
-        return list(seconds), Stacked(seconds.values())
 
 
 def symmetric_products(left, right):
@@ -225,13 +217,16 @@ def partial_derivatives(named, variables):
 
 
 class Stacked:
-    """Expressions to be sampled all at once."""
+    """Groups of expressions to be sampled all at once, which takes little longer than for one."""
 
-    def __init__(self, expressions):
-        self._expression = ngs.CF(tuple(expressions)).Compile() if expressions else None
+    def __init__(self, *groups):
+        groups = [list(group) for group in groups]
+        self._ends = np.cumsum([len(group) for group in groups])
+        every = [expression for group in groups for expression in group]
+        self._expression = ngs.CF(tuple(every)).Compile() if every else None
 
     def at(self, points):
-        """Their values, (expressions, points)."""
-        if self._expression is None:
-            return np.empty((0, len(points)))
-        return points.sample(self._expression)
+        """Their values, an array (expressions, points) for each group."""
+        none = self._expression is None
+        values = np.empty((0, len(points))) if none else points.sample(self._expression)
+        return [values[begin:end] for begin, end in pairwise([0, *self._ends])]

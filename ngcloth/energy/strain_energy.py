@@ -37,9 +37,13 @@ class StrainEnergy:
         energy = fabric.energy(*invariants) / fabric.stiffness
         firsts = [energy.Diff(variable) for variable in invariants]
         dot = sum((w * dot for w, dot in zip(firsts, self._dots, strict=True)), ngs.CF(0.0))
-        self._density = Stacked([energy, *firsts])
-        self._density_dot = Stacked([dot.Diff(variable) for variable in invariants])
-        self._seconds, self._seconds_dot = (_Symmetric(each, invariants) for each in (energy, dot))
+        firsts_dot = [dot.Diff(variable) for variable in invariants]
+        self._places, seconds = _second_derivatives(energy, invariants)
+        self._places_dot, seconds_dot = _second_derivatives(dot, invariants)
+        self._all, self._all_dot = (
+            Stacked([energy, *firsts], seconds),
+            Stacked(firsts_dot, seconds_dot),
+        )
 
     # Of ψ alone -----------------------------------------------------------------------------
 
@@ -103,15 +107,18 @@ class StrainEnergy:
         return self._cloth.slopes()[4:7]
 
     @of_state
+    def _evaluated(self):
+        self._cloth.update()
+        return self._all.at(self._cloth.points)
+
     def _law(self):
         """W and its derivatives by C, (4, points)."""
-        self._cloth.update()
-        return self._density.at(self._cloth.points)
+        return self._evaluated()[0]
 
     @of_state
     def _second(self):
-        self._cloth.update()
-        return self._seconds.at(self._cloth.points)
+        """Second derivatives of W by C, (3, 3, points)."""
+        return _symmetric(self._places, self._evaluated()[1])
 
     @of_state
     def _slopes(self):
@@ -149,33 +156,35 @@ class StrainEnergy:
     def _dotted(self):
         """The derivatives of W, of its slopes by Y and of w."""
         strain_dot, firsts = self._strain_dot(), self._law()[1:]
-        self._cloth.update()
-        firsts_dot = self._density_dot.at(self._cloth.points)
+        firsts_dot, _ = self._evaluated_dot()
         slopes_dot = np.einsum("an,ain->in", firsts_dot, self._strain_slopes())
         slopes_dot += np.einsum("an,ain->in", firsts, pushed_slopes(strain_dot))
         return (firsts * strain_dot).sum(axis=0), slopes_dot, firsts_dot
 
-    def _second_dot(self):
+    @of_state
+    def _evaluated_dot(self):
         self._strain_dot()
         self._cloth.update()
-        return self._seconds_dot.at(self._cloth.points)
+        return self._all_dot.at(self._cloth.points)
+
+    def _second_dot(self):
+        return _symmetric(self._places_dot, self._evaluated_dot()[1])
 
 
-class _Symmetric:
-    """All second derivatives of an expression by three variables."""
+def _second_derivatives(expression, variables):
+    """Those of an expression by three variables that do not vanish, and their places (i, j)."""
+    firsts = partial_derivatives([((), expression)], variables)
+    seconds = partial_derivatives(firsts.items(), variables)
+    upper = {(at[1], j): second for (at, j), second in seconds.items() if at[1] <= j}
+    return list(upper), upper.values()
 
-    def __init__(self, expression, variables):
-        firsts = partial_derivatives([((), expression)], variables)
-        seconds = partial_derivatives(firsts.items(), variables)
-        upper = {(at[1], j): second for (at, j), second in seconds.items() if at[1] <= j}
-        self._places, self._values = list(upper), Stacked(upper.values())
 
-    def at(self, points):
-        """Their values, (3, 3, points)."""
-        matrix = np.zeros((3, 3, len(points)))
-        for (i, j), values in zip(self._places, self._values.at(points), strict=True):
-            matrix[i, j] = matrix[j, i] = values
-        return matrix
+def _symmetric(places, values):
+    """Second derivatives as a matrix, (3, 3, points)."""
+    matrix = np.zeros((3, 3, values.shape[1]))
+    for (i, j), each in zip(places, values, strict=True):
+        matrix[i, j] = matrix[j, i] = each
+    return matrix
 
 
 def of_flat_area(density, slopes):

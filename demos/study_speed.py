@@ -3,10 +3,16 @@
 For ks/kc = 10^U(−3, 3), each case is the minimum of E(ψ) with taut threads (λ1, λ2 ≥ 1) and the
 patch in equilibrium, on one of the paper's two surfaces. Meshes are refined until the error bar of
 the energy is 1 %, or the steps are spent: hemicatenoids with ks/kc < 0.1 have layers along the rim
-that want more. The study solves N of them in processes of one thread, certifies and keeps each, and
-tells how many bars are that small, and its throughput, the seconds of all cases over the wall
-clock; and, with tasks that solve nothing, what the master takes for each case, which is what limits
-the number of cores it can feed.
+that want more, and are left with a larger bar or none.
+
+Of orders 3 to 6 and first meshes h = 0.45 to 0.9, order 4 and h = 0.6 take the least time. Coarser
+ones are no bargain: on the hemisphere with ks/kc = 0.0018 energies of order 5 at h = 0.9 and 0.45
+agree to 0.03 %, and are 3 % off.
+
+The study solves N cases in processes of one thread, certifies and keeps each, and tells how many
+bars are that small, and its throughput, the seconds of all cases over the wall clock; and, with
+tasks that solve nothing, what the master takes for each case, which is what limits the number of
+cores it can feed.
 
 Run ``python demos/study_speed.py 40``; the paper-sized study is N = 2000.
 """
@@ -23,7 +29,7 @@ import numpy as np
 import ngcloth
 
 ACCURACY = 0.01  # relative, of the energy
-SETTINGS = {"maxh": 0.6, "order": 4, "accuracy": ACCURACY, "max_steps": 100}
+SETTINGS = {"maxh": 0.6, "order": 4, "accuracy": ACCURACY, "max_steps": 70}
 
 
 def make_scene(surface, ks):

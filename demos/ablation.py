@@ -93,6 +93,8 @@ CONSTANTS = {
     barrier: {
         "FIRST_MU": 1e-3,  # no sequence of barriers but the last one
         "WARM_MU": 1.0,  # each mesh begins as the first does
+        "WARMER": inf,
+        "STRONG": inf,
         "LOWER_MU": 0.0,
         "UNSEEN": 1e-6,
         "UNSEEN_OF_BAR": inf,

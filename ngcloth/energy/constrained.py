@@ -126,10 +126,11 @@ class ConstrainedLagrangian(Discretisation):
         triangles, reference = zip(*corners, strict=True)
         return LimitPoints(np.array(triangles), np.array(reference))
 
-    def relative_slacks(self, points):
-        """Values of all slacks, over what counts as one in each, (slacks, points).
+    def slacks_at(self, points):
+        """Values of all slacks, and what counts as one in each, (slacks, points).
 
-        Of limits that do not tell, that is what a strain of one changes it by.
+        Of limits that do not tell, that is what a strain of one changes it by; infinite where that
+        is nothing, since nothing would make up for such a slack.
 
         Parameters
         ----------
@@ -142,8 +143,7 @@ class ConstrainedLagrangian(Discretisation):
         sizes = np.ones_like(values)
         for size, row, scale in zip(sizes, values, scales, strict=True):
             size[:] = scale(row, at)
-        # Nothing makes up for a slack that does not change.
-        return np.divide(values, sizes, out=np.zeros_like(values), where=sizes > 0)
+        return values, np.where(sizes > 0, sizes, np.inf)
 
     def symbolic_energy(self, inside, on_rim, added=()):
         """The Lagrangian as one `SymbolicEnergy` of ψ and v.

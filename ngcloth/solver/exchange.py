@@ -9,11 +9,15 @@ import numpy as np
 from ..geometry.sheet import lattice
 from ..problem.constraints import LimitPoints
 
-MISSED = 1e-3  # of a slack, over its scale: what is left between the points
+# Of a slack, over its scale: what is left between the points, and below what a limit is near. At a
+# weak barrier a point that is added late leaves hardly any room for a step.
+MISSED, NEAR = 1e-3, 0.05
 
 
 def missed_points(problem):
-    """The worst point of each triangle for each slack, of those where a limit is missed.
+    """The worst point of each triangle for each slack, where a limit is missed or will be.
+
+    That is where a limit is near, and nearer than at all points at which it is asked.
 
     Parameters
     ----------
@@ -27,8 +31,21 @@ def missed_points(problem):
     nodes = lattice(2 * problem.order)
     triangles = np.arange(problem.sheet.mesh.ne)
     everywhere = LimitPoints(np.repeat(triangles, len(nodes)), np.tile(nodes, (len(triangles), 1)))
-    slacks = problem.relative_slacks(everywhere).reshape(-1, len(triangles), len(nodes))
-    missed = slacks.min(axis=2, initial=np.inf) < -MISSED
+    slacks, sizes = (
+        values.reshape(-1, len(triangles), len(nodes)) for values in problem.slacks_at(everywhere)
+    )
+    dips = (slacks < NEAR * sizes) & (slacks < _least_asked(problem)[..., None] - MISSED * sizes)
+    missed = ((slacks < -MISSED * sizes) | dips).any(axis=2)
     worst = nodes[slacks.argmin(axis=2)]
     there = np.broadcast_to(triangles, missed.shape)
     return LimitPoints(there[missed], worst[missed])
+
+
+def _least_asked(problem):
+    """The least of each slack at the points of each triangle, (slacks, triangles)."""
+    asked = problem.slacks()
+    inside, _, added = problem.parts
+    least = asked[:, inside].reshape(len(asked), problem.sheet.mesh.ne, -1).min(axis=2)
+    for row, values in zip(least, asked[:, added], strict=True):
+        np.minimum.at(row, problem.limit_points.triangles, values)
+    return least

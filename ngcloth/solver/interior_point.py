@@ -40,7 +40,8 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
     if not (warm or recorder.memory):
         near_start(problem, recorder)
     # Without limits there is no barrier to weaken.
-    iterate = Iterate(problem, first_weight(warm) if limited else last_mu)
+    last = unseen(problem) if last_mu is None else last_mu
+    iterate = Iterate(problem, first_weight(warm, last) if limited else last)
     if recorder.memory:
         iterate.recall(recorder.memory)
     again = False  # whether it has begun anew where no step was accepted
@@ -61,6 +62,7 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
                 if recorder.log:
                     recorder.log("left a saddle")
                 continue
+            recorder.keep(problem)
             return Reason.CONVERGED
         rate, length = iterate.step(recorder)
         if length > 0:

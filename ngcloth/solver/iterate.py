@@ -82,7 +82,7 @@ class Iterate:
     def lower_mu(self, last_mu):
         """Weaken the barrier."""
         self.mu_before = self.mu
-        self.mu = self.problem.mu = lower_weight(self.mu, last_mu)
+        self.mu = self.problem.mu = lower_weight(self.problem, last_mu)
         self.filter.pairs = []  # the objective has changed
 
     def memory(self):

@@ -80,13 +80,17 @@ class Recorder:
             active=active,
         )
         self.rows.append(row)
-        self.problem, self._state = problem, problem.unknowns.copy()
+        self.keep(problem)
         if self.log:
             self.log(str(row))
         if self._checkpoint and phase not in ("coarse", "finer"):
             self._tried(self._checkpoint.write, self._state, self.rows, memory)
         if self._after_step and self._after_step():
             self._called_off = True
+
+    def keep(self, problem):
+        """Note where a loop is, or ends: on a finer mesh that may take no step."""
+        self.problem, self._state = problem, problem.unknowns.copy()
 
     def resume(self, problem):
         """Go on from the checkpoint, if there is one."""

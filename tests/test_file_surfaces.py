@@ -1,7 +1,9 @@
 """Patches of surfaces from files: CAD parts and facets, against charts of the same shape."""
 
+import ast
 import pickle
 import sys
+from dataclasses import replace
 
 import ngsolve as ngs
 import numpy as np
@@ -25,6 +27,7 @@ from ngcloth import (
 )
 from ngcloth import __main__ as cli
 from ngcloth.chebyshev import ChebyshevNet
+from ngcloth.result.certificate import check_limits
 from ngcloth.result.reading import plain_arrays
 from ngcloth.result.save import CHECKSUMS, _packed, checksum
 
@@ -271,11 +274,21 @@ def test_pictures_of_a_part(tmp_path, holed):
     axes = holed.plot("shear")
     rim = holed.outline()
     assert len(axes.lines) == 2 and axes.get_xlim()[1] > rim[:, 0].max()
+    assert axes.get_xlabel() == "$X_1$ [cm]"
     holed.plot(where="domain")
     holed.view("shear", screenshot=tmp_path / "view.png")
     ngcloth.report(holed, tmp_path / "report.html")
     assert (tmp_path / "view.png").stat().st_size > 10_000
     assert (tmp_path / "report.html").stat().st_size > 100_000
+    assert "area of the flat patch [cm²]" in (tmp_path / "report.html").read_text()
+
+
+def test_limits_are_missed_at_places_in_space(holed):
+    for check in check_limits(holed):
+        assert str(replace(check, slack=-0.2)) == f"elongation missed by 0.2 at {check.place}"
+        numbers, unit = check.place.rsplit(" ", 1)
+        assert np.linalg.norm(ast.literal_eval(numbers)) == pytest.approx(10, abs=0.05)
+        assert unit == "cm"
 
 
 def test_saved_with_the_surface(tmp_path, holed, part):

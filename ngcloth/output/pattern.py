@@ -22,7 +22,7 @@ FIRST = 256  # chords of the outline before refinement
 MOST = 5000  # chords to be halved at once
 CORNER = np.radians(5)  # a rim that turns by more between two points of the lattice has a corner
 NARROW = 2.0  # mm: cloth less wide than this frays
-MOST_MARKS = 1000
+MOST_MARKS, LEAST_PITCH = 1000, 1e-3  # a pitch over the size
 SIZES = 1e-3, 1e9  # mm, of a patch
 ROUGH = 1e-2  # of the size: the greatest tolerance
 AREA_ERROR = 2e-5  # what the default tolerance may change of the area
@@ -111,7 +111,7 @@ def cut_pattern(result, *, unit_mm=None, pitch=None, seam=0.0, marks=12, toleran
         lets one check the print.
     pitch : float, optional
         Distance in mm between the threads drawn, which lie at its multiples. Default 10, or a
-        tenth of the patch's width where that is less.
+        tenth of the patch's width where that is less, but a thousandth of its size at least.
     seam : float, optional
         Seam allowance in mm, at most the size of the patch: the cut is the outline, offset by it
         with round corners, and the outline itself is in the layer "seam". Default 0: the cut is the
@@ -162,8 +162,9 @@ def cut_pattern(result, *, unit_mm=None, pitch=None, seam=0.0, marks=12, toleran
         raise InputError("unit_mm", unit_mm, allowed)
     check_number("seam", seam, 0, size)
     if pitch is None:
-        pitch = min(10.0, float(f"{np.ptp(coarse, axis=0).min() / 10:.2g}"))
-    if pitch < 1e-3 * size:
+        pitch = min(10.0, np.ptp(coarse, axis=0).min() / 10)
+        pitch = float(f"{max(pitch, 1.1 * LEAST_PITCH * size):.2g}")
+    if pitch < LEAST_PITCH * size:
         raise InputError("pitch", pitch, "mm, at least a thousandth of the patch")
     if tolerance is not None:
         check_number("tolerance", tolerance, 0, ROUGH * size, open_low=True)

@@ -104,7 +104,8 @@ def patch(ax, result, *, field=None, pitch=None, levels=21, rings=60, limits=Non
         The colour bar of the map.
     """
     bar = _sheet(ax, result, result.psi, field, pitch, limits, levels, rings, **line)
-    ax.set(xlabel=r"$X_1$ [length]", ylabel=r"$X_2$ [length]")
+    unit = result.scene.surface.unit
+    ax.set(xlabel=rf"$X_1$ [{unit}]", ylabel=rf"$X_2$ [{unit}]")
     return bar
 
 

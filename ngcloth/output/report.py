@@ -129,15 +129,15 @@ def _certificate(certificate):
 
 
 def _numbers(result, certificate):
-    bars, unit = result.error, result.scene.normalisation
-    normalized = bars["energy"] and bars["energy"] / unit
+    bars, length = result.error, result.scene.surface.unit
+    normalized = bars["energy"] and bars["energy"] / result.scene.normalisation
     rows = [
-        ("energy E [stiffness × length²]", with_bar(f"{result.energy:.6g}", bars["energy"])),
+        (f"energy E [stiffness × {length}²]", with_bar(f"{result.energy:.6g}", bars["energy"])),
         ("energy E/(2π kc)", with_bar(f"{result.normalized_energy:.6g}", normalized)),
-        ("area of the flat patch [length²]", with_bar(f"{result.area:.6g}", bars["area"])),
+        (f"area of the flat patch [{length}²]", with_bar(f"{result.area:.6g}", bars["area"])),
     ]
     if bars["outline"] is not None:
-        rows.append(("outline [length]", with_bar("", bars["outline"]).strip()))
+        rows.append((f"outline [{length}]", with_bar("", bars["outline"]).strip()))
     if certificate.equilibrium is not None:
         rows.append(("force out of equilibrium, share", f"{certificate.equilibrium:.2g}"))
     return [

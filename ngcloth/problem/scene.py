@@ -69,7 +69,8 @@ class Scene:
         start is turned that way; the patch is held to in-plane equilibrium even without
         constraints, unless it is a Chebyshev net. By default the optimum chooses its direction.
     at : (float, float, float), optional
-        The point of the surface, in space, of `warp`. By default one in the middle.
+        The point of the surface, in space, of `warp`. By default the centre of a chart's domain,
+        and one near the middle of a surface from a file, which the result tells.
 
     Attributes
     ----------

@@ -42,6 +42,8 @@ class Surface:
         Unit normal n on the side of the cloth.
     metric, curvature : CoefficientFunction, (2, 2)
         First and second fundamental form, a = ∇φᵀ∇φ and b = ∂²φ·n.
+    unit : str
+        What a unit of length is called, in plots and reports; charts do not tell.
 
     Raises
     ------
@@ -50,6 +52,8 @@ class Surface:
         metric is singular or not finite somewhere on the domain, or its derivatives are not those
         of its values.
     """
+
+    unit = "length"
 
     def __init__(self, chart, domain, side=1):
         if not isinstance(domain, Domain):

@@ -38,6 +38,8 @@ class Between:
     ----------
     error : float
         Of the metric's interpolation, relative to the metric, `SAFETY` included.
+    sheet : Sheet
+        The surface on the mesh of the patch.
     lines : list of (ndarray, ndarray)
         The direction of each family of threads in the reference triangles.
     degree : int
@@ -45,7 +47,7 @@ class Between:
     """
 
     def __init__(self, patch):
-        self.triangles, self._sheet = patch.triangles, patch.sheet
+        self.triangles, self.sheet = patch.triangles, patch.sheet
         self._degree = patch.order - 1
         (a, b), (c, d) = np.einsum("tin,xmn->ixtm", patch.psi, derivatives(patch.order))
         both = self._degree, self._degree
@@ -61,7 +63,7 @@ class Between:
     def _interpolate_metric(self, degree):
         """Interpolate the metric, and measure what that leaves out."""
         fine, points = lattice(2 * degree), self.triangles.at_lattice(2 * degree)
-        expressions = ngs.CF((self._sheet.metric, ngs.specialcf.JacobianMatrix(2))).Compile()
+        expressions = ngs.CF((self.sheet.metric, ngs.specialcf.JacobianMatrix(2))).Compile()
         values = expressions(points).reshape(len(self.triangles), -1, 2, 2, 2)
         element = values[:, :, 1]
         metric = element.swapaxes(2, 3) @ values[:, :, 0] @ element

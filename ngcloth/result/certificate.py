@@ -4,17 +4,20 @@ Of the solver it knows the points at which limits were imposed, and nothing else
 matrix. Spaces, derivatives and factorisations are its own.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import ngsolve as ngs
 import numpy as np
 
 from ..errors import check_result
+from ..geometry.file_surface import FileSurface
+from ..geometry.sheet import mesh_points
 from ..output.planar import crossing
 from ..problem.bars import with_bar
 from ..problem.constraints import Elongation, Obstacle, ShearLimit
 from ..problem.kinematics import Kinematics, gradient
+from ..problem.warp import in_words
 from .bernstein import basis, lattice, product
 from .between import Between, least_ratio
 from .equilibrium import forces
@@ -48,6 +51,8 @@ class LimitCheck:
     bound : float or None
         A value below which the slack is proven to lie nowhere; None of limits that are sampled
         alone.
+    place : str or None
+        Where that is in space, with the unit, on surfaces from files.
     """
 
     name: str
@@ -56,6 +61,7 @@ class LimitCheck:
     theta: tuple
     claim: str
     bound: float | None = None
+    place: str | None = None
 
     @property
     def holds(self):
@@ -64,11 +70,12 @@ class LimitCheck:
         return bool(least >= -self.tolerance)
 
     def __str__(self):
+        place = self.place or f"θ = {_point(self.theta)}"
         if np.isnan(self.slack):
-            return f"{self.name} not known at θ = {_point(self.theta)}: the mesh is too coarse"
+            return f"{self.name} not known at {place}: the mesh is too coarse"
         if self.slack >= -self.tolerance and not self.holds:
             return f"{self.name} proven only to within {-self.bound:.2g}"
-        return f"{self.name} missed by {-self.slack:.2g} at θ = {_point(self.theta)}"
+        return f"{self.name} missed by {-self.slack:.2g} at {place}"
 
 
 @dataclass(frozen=True)
@@ -301,6 +308,10 @@ def check_limits(result, between=None):
     for limit in result.scene.constraints:
         proven = {Elongation: _stretches, ShearLimit: _shear}.get(type(limit))
         checks += proven(limit, between) if proven else _sampled(limit, result, between.triangles)
+    if isinstance(surface := result.scene.surface, FileSurface):
+        checks = [replace(check, place=f"{check.place} {surface.unit}") for check in checks]
+    else:
+        checks = [replace(check, place=None) for check in checks]
     return tuple(checks)
 
 
@@ -317,7 +328,7 @@ def _stretches(limit, between):
         ratio, _ = least_ratio(above, square, degree, enough)
         stretch, values = float(np.sqrt(max(ratio * kept, 1e-300))), 1 - 1 / stretches
         proven = f"λ{number} ≥ {_below(stretch)}", 1 - 1 / stretch
-        checks.append(_check(limit, values, LIMIT, between.triangles, *proven))
+        checks.append(_check(limit, values, LIMIT, between.sheet, *proven))
     return checks
 
 
@@ -334,7 +345,7 @@ def _shear(limit, between):
         ratio, _ = least_ratio(-squares, threads, degree, -(enough**2))
         shear, values = float((np.sqrt(-ratio) + error) / (1 - error)), limit.maximum**2 - values
         proven = f"|γ| ≤ {-_below(-shear)}", limit.maximum**2 - shear**2
-        checks.append(_check(limit, values, tolerance, between.triangles, *proven))
+        checks.append(_check(limit, values, tolerance, between.sheet, *proven))
     return checks
 
 
@@ -359,7 +370,7 @@ def _sampled(limit, result, triangles):
             tolerance = LIMIT * float(np.linalg.norm(strain.Compile()(worst)))
         missed = max(0.0, -float(values.min()))
         claim = f"{limit.name} missed by {missed:.1g} of {tolerance:.1g} allowed"
-        checks.append(_check(limit, values, tolerance, triangles, claim))
+        checks.append(_check(limit, values, tolerance, sheet, claim))
     return checks
 
 
@@ -368,12 +379,13 @@ def _on_lattice(coefficients, degree):
     return coefficients @ basis(degree, lattice(FINE)).T
 
 
-def _check(limit, values, tolerance, triangles, claim, bound=None):
+def _check(limit, values, tolerance, sheet, claim, bound=None):
     """The check of a slack, of its values at the lattice of all triangles."""
     number, worst = np.unravel_index(np.argmin(values), values.shape)  # a NaN, if there is one
-    point = triangles.mapped([number], lattice(FINE)[[worst]])
-    theta = tuple(ngs.CF((ngs.x, ngs.y))(point)[0].tolist())
-    return LimitCheck(limit.name, float(values[number, worst]), tolerance, theta, claim, bound)
+    point = mesh_points(sheet.mesh, np.array([number]), lattice(FINE)[[worst]])
+    theta, slack = tuple(ngs.CF((ngs.x, ngs.y))(point)[0].tolist()), float(values[number, worst])
+    place = in_words(sheet.position(point)[0])
+    return LimitCheck(limit.name, slack, tolerance, theta, claim, bound, place)
 
 
 def _outlines(result):

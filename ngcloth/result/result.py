@@ -230,7 +230,7 @@ class Result(TakenAway):
 
     @cached_property
     def warp(self):
-        """A unit vector along the warp, (3,), at `Scene.at`, by default in the middle."""
+        """A unit vector along the warp, (3,), at `Scene.at`, by default near the middle."""
         theta, _, tangents = self.middle
         along = tangents @ np.linalg.inv(self.slopes(theta))[:, 0]
         if self.scene.symmetric and self._from_file:

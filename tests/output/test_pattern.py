@@ -385,6 +385,13 @@ def test_bad_options_are_refused_before_a_file_is_written(tmp_path, hemisphere, 
     assert not list(tmp_path.iterdir())
 
 
+def test_a_large_patch_has_threads_farther_apart(hemisphere):
+    """50 m: 10 mm between threads would be refused, though nobody has asked for it."""
+    pattern = cut_pattern(hemisphere, unit_mm=2e4, tolerance=1.0)
+    levels = np.unique([line.points[0, 1].round(3) for line in pattern.layers["warp"]])
+    assert np.diff(levels).min() > 40
+
+
 @pytest.mark.parametrize("kind", ["svg", "dxf"])
 def test_help_tells_every_option(hemisphere, kind):
     """Options are written once, at `cut_pattern`, and shown where one looks for them."""

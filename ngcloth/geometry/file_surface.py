@@ -19,6 +19,7 @@ SHARP = 5.0  # degrees
 SMALLEST = 1e-2  # mm; kernels take points within 1e-7 mm for one
 TUBE = 0.75 * np.pi  # least turning around a hole, of 2π in a plane; on a tube it is 0
 SURVEY = 12  # elements across, of the mesh that is looked at before anything is solved
+CROWDED = 5  # triangles of a size h in an area h², where they are not smaller than that
 
 
 @dataclass(frozen=True)
@@ -123,8 +124,9 @@ class FileSurface(ABC):
         order : int
             Of ψ, hence of the φ that the metric is of.
         coarser : int, optional
-            How many meshes come before it, each of twice the element size of the next, which is
-            a refinement of it. Default 0.
+            How many meshes come before it at most, each of twice the element size of the next,
+            which is a refinement of it. The first is as coarse as that only if the curvature of
+            the part lets it. Default 0.
         symmetric : bool, optional
             Whether edges of a CAD file that are named "mirror1" and "mirror2" keep these names, as
             mirror lines; they lie on θ1 = 0 and θ2 = 0. By default all edges are "rim".
@@ -136,8 +138,15 @@ class FileSurface(ABC):
         maxh = check_number("maxh", maxh, 0, open_low=True)
         order, coarser = check_integer("order", order, 1), check_integer("coarser", coarser, 0)
         orders = (order, curvature_order(order))
+        while coarser and not self._is_meshed(maxh * 2**coarser):
+            coarser -= 1
         levels = self.levels(maxh * 2**coarser, orders, coarser + 1)
         return _sheets(levels, self.side, symmetric)
+
+    def _is_meshed(self, maxh):
+        """Whether triangles are of this size, and not smaller for the curvature of the part."""
+        (level,) = self.levels(maxh, (1, 1), 1)
+        return len(level.triangles) * maxh**2 <= CROWDED * self.area
 
     @cached_property
     def quarter(self):

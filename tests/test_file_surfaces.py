@@ -132,10 +132,18 @@ def test_dome_fillet_and_flange(tmp_path):
     hat = Surface.from_cad(tmp_path / "hat.step")
     file, chart = (
         solve(Scene(surface, *TAUT), maxh=maxh).normalized_energy
-        for surface, maxh in ((hat, 0.2), (hat_chart(), 0.06))
+        for surface, maxh in ((hat, 0.1), (hat_chart(), 0.06))
     )
     assert hat.faces == 3
     assert file == pytest.approx(chart, abs=2e-4)
+
+
+def test_coarser_meshes_end_where_curvature_sets_their_size(tmp_path):
+    """Triangles in the fillet are no larger at four times the size: refined, they would be many."""
+    shapes.hat()[0].WriteStep(str(tmp_path / "hat.step"))
+    hat = Surface.from_cad(tmp_path / "hat.step")
+    coarse, fine = (sheet.mesh.ne for sheet in hat.sheets(0.1, 2, coarser=3))
+    assert fine == 4 * coarse < 1600
 
 
 @pytest.mark.slow

@@ -138,7 +138,7 @@ class FileSurface(ABC):
         maxh = check_number("maxh", maxh, 0, open_low=True)
         order, coarser = check_integer("order", order, 1), check_integer("coarser", coarser, 0)
         orders = (order, curvature_order(order))
-        while coarser and not self._is_meshed(maxh * 2**coarser):
+        while coarser > 1 and not self._is_meshed(maxh * 2**coarser):
             coarser -= 1
         levels = self.levels(maxh * 2**coarser, orders, coarser + 1)
         return _sheets(levels, self.side, symmetric)

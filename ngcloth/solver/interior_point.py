@@ -31,8 +31,8 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
     Returns
     -------
     Reason
-        Where limits are missed, or a budget is used up, `state` is the one that misses limits and
-        equilibrium least of those since the barrier fell last.
+        Where limits are missed as it gives up, or as a budget is used up, `state` is the one that
+        misses limits and equilibrium least of those since the barrier fell last.
     """
     limited = bool(problem.slack_names)
     if limited:
@@ -85,6 +85,6 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
                 return Reason.BLOCKED
             problem.unknowns[:] = nearest
             return Reason.INFEASIBLE
-    if recorder.why is not Reason.CALLBACK:
+    if iterate.c.min(initial=1) <= 0 and recorder.why is not Reason.CALLBACK:
         problem.unknowns[:] = nearest
     return recorder.why

@@ -21,7 +21,7 @@ the extra `bench`, IPOPT solves the rows of that axis too.
 
 Run from the repository (Linux or macOS):
 
-    python demos/stability.py            # a quarter of an hour; writes docs/stability.{md,csv}
+    python demos/stability.py            # half an hour; writes docs/stability.{md,csv}
 """
 
 import csv

@@ -13,7 +13,7 @@ Each row changes one thing of a scene that is easy otherwise: the stiffnesses, t
 the barrier ends, the limits, the surface, the chart, the mesh, the order or the start. It says how
 the solve ended, what it cost, how far the energy may be off (`Result.error`), and what the
 certificate (`ngcloth.verify`) makes of the patch. All but the named settings are those by default,
-on coarse meshes. A row
+on coarse meshes; rows that are not certified there are solved again on finer ones. A row
 runs in a process of its own with a limit on its time, so that a crash or a hang is a row too.
 
 Where Newton steps grow by a factor 3 or more over an axis, is it the solver or the problem? With
@@ -21,7 +21,7 @@ the extra `bench`, IPOPT solves the rows of that axis too.
 
 Run from the repository (Linux or macOS):
 
-    python demos/stability.py            # a quarter of an hour; writes docs/stability.{md,csv}
+    python demos/stability.py            # half an hour; writes docs/stability.{md,csv}
 """
 
 import csv
@@ -38,7 +38,7 @@ from pathlib import Path
 import ngsolve as ngs
 import numpy as np
 from measuring import peak_megabytes
-from stability_cases import ENDS, EXPLANATIONS, REFUSED, SOLVES, cases
+from stability_cases import ENDS, EXPLANATIONS, FINE_MESH, REFUSED, SOLVES, cases
 
 import ngcloth
 from ngcloth.problem.bars import with_bar
@@ -46,10 +46,11 @@ from ngcloth.problem.bars import with_bar
 PATIENCE = 5  # a row that computes nothing is ended after so many times its limit
 COLUMNS = (
     "axis value expected outcome newton_steps seconds triangles energy energy_bar stretch_min "
-    "stretch_max shear_max certificate certificate_seconds peak_megabytes ipopt_steps "
-    "by_default"
+    "stretch_max shear_max certificate certificate_seconds peak_megabytes ipopt_steps maxh "
+    "finer_maxh finer_energy finer_energy_bar finer_certificate"
 ).split()
 STEEP = 3  # growth of Newton steps over an axis from which on IPOPT solves its rows, too
+HALVINGS = 2  # at most, of the mesh by default, for a row that is not certified
 PEER_SECONDS = 300  # limit of a row for IPOPT
 PEER_TEXT = (
     f"IPOPT, on the same discrete problem, solves the rows of axes with a growth of {STEEP} or "
@@ -117,6 +118,7 @@ def _solve(case, pipe):
             "outcome": result.reason.name,
             "newton_steps": result.newton_iterations,
             "seconds": round(seconds, 3),
+            "maxh": result.settings["maxh"],
             "triangles": result.state.space.mesh.ne,
             "energy": result.normalized_energy,
             "energy_bar": "" if bar is None else bar / result.scene.normalisation,
@@ -147,17 +149,29 @@ def _settings(case):
     return {"maxh": 0.25} | case.settings
 
 
-def on_default_mesh(case):
-    """What the certificate says of a case on the mesh that a solve has by default."""
-    return run(replace(case, settings=case.settings | {"maxh": None}))["certificate"]
+def on_finer_meshes(case):
+    """The row of a case on the mesh that a solve has by default, or on a finer one.
+
+    Meshes of half the size follow as long as it converges to what is not certified.
+    """
+    row = run(_with_maxh(case, None))
+    for _ in range(HALVINGS):
+        if not uncertified(row):
+            break
+        row = run(_with_maxh(case, row["maxh"] / 2))
+    return row
 
 
-def for_default_mesh(rows, chosen):
+def _with_maxh(case, maxh):
+    return replace(case, settings=case.settings | {"maxh": maxh}, limit=FINE_MESH)
+
+
+def for_finer_meshes(rows, chosen):
     """The rows, with their cases, that may lack no more than a mesh for their certificate."""
     return [
         (row, case)
         for row, case in zip(rows, chosen, strict=True)
-        if uncertified(row) and "maxh" not in case.settings
+        if uncertified(row) and not wrong(row) and not case.axis.startswith("maxh")
     ]
 
 
@@ -234,7 +248,7 @@ def summary(rows):
     bad = [row for row in rows if row["expected"] == REFUSED]
     solved = [row for row in posed if row["outcome"] == "CONVERGED"]
     certified = [row for row in solved if row["certificate"] == "certified"]
-    finer = sum(row["by_default"] == "certified" for row in rows)
+    finer = sum(row["finer_certificate"] == "certified" for row in rows)
     steps = growth(rows)
     steep = sum(high >= STEEP * low for low, high in steps.values())
     told = [
@@ -243,8 +257,9 @@ def summary(rows):
         f"Of those {len(certified)} are certified "
         f"({100 * len(certified) / max(len(solved), 1):.1f} %), "
         f"{sum(map(wrong, rows))} wrong by their certificates (folded, not stationary or "
-        f"overlapping); the rest is listed below. On the mesh by default {finer} more are "
-        f"certified, {100 * (len(certified) + finer) / max(len(solved), 1):.1f} % in all.",
+        f"overlapping); the rest is listed below. On the mesh by default, or one of half or "
+        f"a quarter of its size, {finer} more are certified, "
+        f"{100 * (len(certified) + finer) / max(len(solved), 1):.1f} % in all.",
         f"{sum(isinstance(row['energy_bar'], float) for row in solved)} of them have a chain of "
         f"meshes, and so a bar; {sum(row['energy_bar'] == np.inf for row in solved)} of these are "
         "not resolved by their coarse meshes, and say so.",
@@ -287,7 +302,7 @@ def page(rows):
     ]
     lines += [
         f"- {row['axis']}: {row['value']}: {row['certificate']}"
-        + (f". *On the default mesh: {row['by_default']}*" if row["by_default"] else "")
+        + (f". *{_on_finer(row)}*" if row["finer_certificate"] else "")
         for row in rows
         if uncertified(row)
     ] or ["None."]
@@ -351,9 +366,16 @@ def _cells(row):
     ]
 
 
-def _with_bar(row):
-    bar = row["energy_bar"]
-    return with_bar(f"{row['energy']:.4e}", None if bar == "" else bar)
+def _on_finer(row):
+    told = row["finer_certificate"]
+    if row["finer_energy"] == "":
+        return f"On a finer mesh: {told}"
+    return f"At maxh {row['finer_maxh']:.3g}, {_with_bar(row, 'finer_energy')}: {told}"
+
+
+def _with_bar(row, name="energy"):
+    bar = row[f"{name}_bar"]
+    return with_bar(f"{row[name]:.4e}", None if bar == "" else bar)
 
 
 def _table_row(cells):
@@ -374,9 +396,12 @@ def main(folder=Path(__file__).parents[1] / "docs", pick=slice(None)):
             f"  {row['certificate'].split(';')[0][:50]}",
             flush=True,
         )
-    for row, case in for_default_mesh(rows, chosen):
-        row["by_default"] = on_default_mesh(case)
-        print(f"default mesh  {case.axis:42s} {case.value:>8s}  {row['by_default']}", flush=True)
+    for row, case in for_finer_meshes(rows, chosen):
+        finer = on_finer_meshes(case)
+        row |= {f"finer_{name}": finer[name] for name in ("maxh", "energy", "energy_bar")}
+        ended = "" if finer["outcome"] == "CONVERGED" else finer["outcome"] + "; "
+        row["finer_certificate"] = ended + finer["certificate"]
+        print(f"finer  {case.axis:42s} {case.value:>8s}  {_on_finer(row)}", flush=True)
     pairs = for_peer(rows, chosen) if importlib.util.find_spec("casadi") else []
     for number, (row, case) in enumerate(pairs, 1):
         row["ipopt_steps"] = peer_steps(case)

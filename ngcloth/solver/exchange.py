@@ -7,11 +7,14 @@ once it holds at a few points that are found on the way.
 import numpy as np
 
 from ..geometry.sheet import lattice
-from ..problem.constraints import LimitPoints
+from ..problem.constraints import Elongation, LimitPoints, ShearLimit
 
 # Of a slack, over its scale: what is left between the points, and below what a limit is near. At a
 # weak barrier a point that is added late leaves hardly any room for a step.
 MISSED, NEAR = 1e-3, 0.05
+# Points along a side at which limits are looked at that are more than ratios of squares of ∇ψ: with
+# the curvature, a reaction may be missed by 1e-2 between the points of a coarser lattice.
+FINE = 24
 
 
 def missed_points(problem):
@@ -22,13 +25,15 @@ def missed_points(problem):
     Parameters
     ----------
     problem : ConstrainedLagrangian
-        Looked at on a lattice of twice its order, edges and corners included.
+        Looked at on a lattice of twice its order, edges and corners included; on a finer one where
+        there are other limits than those of stretch and shear.
 
     Returns
     -------
     LimitPoints
     """
-    nodes = lattice(2 * problem.order)
+    simple = all(type(limit) in (Elongation, ShearLimit) for limit in problem.scene.constraints)
+    nodes = lattice(2 * problem.order if simple else max(2 * problem.order, FINE))
     triangles = np.arange(problem.sheet.mesh.ne)
     everywhere = LimitPoints(np.repeat(triangles, len(nodes)), np.tile(nodes, (len(triangles), 1)))
     slacks, sizes = (

@@ -31,6 +31,8 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
     Returns
     -------
     Reason
+        Where limits are missed as it gives up, or as a budget is used up, `state` is the one that
+        misses limits and equilibrium least of those since the barrier fell last.
     """
     limited = bool(problem.slack_names)
     if limited:
@@ -46,15 +48,20 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
         iterate.recall(recorder.memory)
     again = False  # whether it has begun anew where no step was accepted
     saddle = np.inf  # the cost of the one that was left last
+    least, nearest = np.inf, problem.unknowns.copy()  # what is missed, and where least, at this μ
     while not recorder.exhausted:
+        if iterate.missed() < least:
+            least, nearest = iterate.missed(), problem.unknowns.copy()
         error = iterate.error()
         end = unseen(problem) if last_mu is None else last_mu
         if iterate.mu > end and iterate.is_near(error):
             iterate.exchange()
             iterate.lower_mu(end)
+            least = np.inf  # points were added
             continue
         if iterate.mu <= end and error <= iterate.mu and iterate.at_rest:
             if iterate.exchange():
+                least = np.inf
                 continue
             cost = problem.cost()
             if phase != "coarse" and saddle - cost > GAIN * abs(cost) and iterate.leave():
@@ -76,5 +83,10 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
                 again = True
                 iterate.begin_anew()
                 continue
-            return Reason.BLOCKED if iterate.c.min(initial=1) > 0 else Reason.INFEASIBLE
+            if iterate.c.min(initial=1) > 0:
+                return Reason.BLOCKED
+            problem.unknowns[:] = nearest
+            return Reason.INFEASIBLE
+    if iterate.c.min(initial=1) <= 0 and recorder.why is not Reason.CALLBACK:
+        problem.unknowns[:] = nearest
     return recorder.why

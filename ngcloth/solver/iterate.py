@@ -116,6 +116,11 @@ class Iterate:
             np.abs(self.s * self.z - self.mu).max(initial=0),
         )
 
+    def missed(self):
+        """Size of what is not fulfilled: imbalance, and limits that are missed."""
+        below = np.minimum(self.c, 0.0)
+        return self.problem.imbalance() + np.sqrt((self.problem.weights * below**2).sum())
+
     def is_near(self, error):
         """Whether an error is small enough for a weaker barrier."""
         return error <= (NEARLY if self.rate < HIGHER else CENTRED) * self.mu

@@ -91,6 +91,28 @@ def counted(axes, steps):
     return rows, chosen[: len(rows)]
 
 
+def test_rows_that_lack_a_finer_mesh_are_solved_on_one():
+    """The Chebyshev net of 83 % of the sphere, its threads nearly on one line, is resolved then."""
+    case = "CASES['portion of the sphere, Chebyshev', '0.83']"
+    coarse, fine = value(f"[stability.run({case}), stability.on_finer_meshes({case})]")
+    assert stability.uncertified(coarse) and "the mesh leaves" in coarse["certificate"]
+    assert fine["certificate"] == "certified" and fine["maxh"] < 0.5 * coarse["maxh"]
+    assert fine["energy"] < 0.1 * coarse["energy"]
+
+
+def test_rows_that_no_mesh_mends_are_left():
+    refused, overlaps = "the mesh leaves 0.06 of the stress unbalanced", "the rim meets itself"
+    for axis, certificate, retried in (
+        ("order, Chebyshev", refused, True),
+        ("order, Chebyshev", "certified", False),
+        ("order, Chebyshev", overlaps, False),
+        ("maxh, Chebyshev", refused, False),
+    ):
+        (row,), chosen = counted([axis], [7])
+        row["certificate"] = certificate
+        assert stability.for_finer_meshes([row], chosen) == [(row, chosen[0])] * retried
+
+
 def test_the_rows_of_steep_axes_with_limits_go_to_ipopt():
     portions, heights = (
         "portion of the sphere, γmax = cos π/6",

@@ -121,6 +121,23 @@ def test_limits_that_contradict_each_other_are_named():
         solve(scene, maxh=0.5, max_steps=5, throw=True)
 
 
+def test_a_solve_that_gives_up_returns_what_misses_least():
+    """On a mesh too coarse for 97 % of the sphere."""
+    scene = sphere(0.97, shear_limit=float(np.cos(np.pi / 6)))
+    problem, states = discretised(scene, 0.5, 2), []
+
+    def missed(state):
+        vector(problem)[:] = state
+        return Iterate(problem, 1.0).missed()
+
+    def keep(result):
+        states.append(vector(result).copy())
+
+    result = solve(scene, maxh=0.5, order=2, callback=keep)
+    assert result.reason is Reason.INFEASIBLE
+    assert missed(vector(result)) < 0.7 * missed(states[-1])
+
+
 @pytest.mark.parametrize(
     "setting, value",
     [

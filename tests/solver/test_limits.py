@@ -170,13 +170,17 @@ def test_shear_ten_thousand_times_as_stiff_as_threads():
 
 
 def test_obstacle():
-    """Unless τ ≥ 0 is asked for, the surface pulls the cloth somewhere; asking costs energy."""
+    """Unless τ ≥ 0 is asked for, the surface pulls the cloth somewhere; asking costs energy.
+
+    Between the points τ is missed by a thousandth of its largest value at most.
+    """
     free = solve(hemicatenoid(10.0), maxh=0.5)
     result = solve(hemicatenoid(10.0, obstacle=True), maxh=0.5)
-    assert_solved(result, 1.5e-3, steps=100)
+    assert_solved(result, 1.5e-3, steps=120)
     assert_strictly_feasible(result)
     low, high = result.extrema["reaction"]
-    assert free.extrema["reaction"][0] < -5 and low > -0.003 * high
+    assert free.extrema["reaction"][0] < -5 and low > -0.001 * high
+    assert all(check.holds for check in result.certificate().limits)
     assert result.normalized_energy > 1.1 * free.normalized_energy
 
 

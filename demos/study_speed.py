@@ -29,7 +29,7 @@ import numpy as np
 import ngcloth
 
 ACCURACY = 0.01  # relative, of the energy
-SETTINGS = {"maxh": 0.6, "order": 4, "accuracy": ACCURACY, "max_steps": 70}
+SETTINGS = {"maxh": 0.6, "order": 4, "accuracy": ACCURACY, "max_steps": 60}
 
 
 def make_scene(surface, ks):

@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from studies.scenes_of_studies import SETTINGS, dome, other_cloth
 
 import ngcloth
+from ngcloth.studies.source import source
 
 TESTS = Path(__file__).parents[1]
 STIFF = [{"ks": ks} for ks in (1.0, 3.0, 10.0)]
@@ -172,6 +173,80 @@ def test_cases_of_another_source_are_others(tmp_path, monkeypatch):
     assert key(after="# a remark\ndef other():\n    return 1") == first
     assert key(constant="SLOPE = 0.5") != first
     assert key(more=" + x") != first
+
+
+VALUES = """
+import enum
+from collections import deque, namedtuple
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+import numpy as np
+from scipy.interpolate import CubicSpline
+@dataclass(frozen=True)
+class Cloth:
+    ks: float
+    @staticmethod
+    def name():
+        return "tulle"
+class Slim:
+    __slots__ = ("ks",)
+    def __init__(self, ks):
+        self.ks = ks
+Pair = namedtuple("Pair", "ks")
+VALUE = {value}
+class Told:
+    value = VALUE
+    @property
+    def twice(self):
+        return 2 * VALUE
+def make(ks):
+    return {named}, Pair(ks)
+"""
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("np.float32(1)", "np.float32(2)"),
+        ("np.arange(3)[1]", "np.arange(3)[2]"),
+        ("np.array([{1: 2}])", "np.array([{1: 3}])"),
+        ("Path('a.step')", "Path('b.step')"),
+        ("Fraction(1, 2)", "Fraction(1, 3)"),
+        ("range(2)", "range(3)"),
+        ("deque([1])", "deque([2])"),
+        ("CubicSpline([0, 1, 2], [0, 1, 2])", "CubicSpline([0, 1, 2], [0, 1, 3])"),
+        ("Cloth(1.0)", "Cloth(2.0)"),
+        ("Slim(1.0)", "Slim(2.0)"),
+    ],
+)
+@pytest.mark.parametrize("named", ["VALUE", "Told.value", "Told().twice"])
+def test_cases_of_other_values_are_others(one, other, named, tmp_path, monkeypatch):
+    """Of values that are named, in a module of the user's, whatever they are kept in."""
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+
+    def key(number, value):
+        name = f"values_{number}_{abs(hash(tmp_path))}"
+        (tmp_path / f"{name}.py").write_text(VALUES.format(value=value, named=named))
+        return source(__import__(name).make).replace(name, "").replace(one, "").replace(other, "")
+
+    assert key(1, one) == key(2, one) != key(3, other)
+
+
+def test_cases_of_another_module_of_a_module_are_others(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "makes_it.py").write_text(
+        "import told_by\ndef make(ks):\n    return told_by.slope(ks)"
+    )
+    told = "from constant_of import SLOPE\ndef slope(ks):\n    return SLOPE"
+    (tmp_path / "told_by.py").write_text(told)
+    (tmp_path / "constant_of.py").write_text("SLOPE = 1.0")
+    make = __import__("makes_it").make
+    before = source(make)
+    assert source(make) == before
+    monkeypatch.setattr(sys.modules["told_by"], "SLOPE", 2.0)
+    assert source(make) != before
 
 
 def test_failures_are_rows_and_tried_again(tmp_path):

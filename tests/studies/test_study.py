@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import namedtuple
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from pathlib import Path
 
@@ -257,7 +258,8 @@ def test_failures_are_rows_and_tried_again(tmp_path):
     assert reasons[0] == "RuntimeError: no such cloth"
     assert reasons[1].startswith("InputError: ks = -1.0")
     assert [row["converged"] for row in study.table] == [False, False, True]
-    assert "3 cases" in study.explain() and "to do   2" in study.explain()
+    assert "3 cases" in study.explain() and "to do   2, of which 2 failed" in study.explain()
+    assert "done    1, of which 0 did not converge" in study.explain()
     with pytest.raises(ngcloth.InputError, match="no such cloth"):
         study.load(0)
     study.run()
@@ -325,6 +327,15 @@ def test_a_warm_start_gives_the_same_answer(solved, tmp_path):
     for one, other in zip(warm.table, study.table, strict=True):
         assert one["energy"] == pytest.approx(other["energy"], rel=2e-3)  # its barrier's error
     assert warm.load(2).converged
+
+
+def test_a_damaged_neighbour_is_no_start(tmp_path):
+    for number, damage in enumerate((lambda file: file.write_bytes(b"no zip"), Path.unlink)):
+        arguments = {"folder": tmp_path / str(number), "executor": Here(), "warm": True}
+        one = ngcloth.study(dome, STIFF[:1], **arguments, **SETTINGS)
+        damage(arguments["folder"] / "cases" / one.keys[0] / "result" / "fields.npz")
+        both = ngcloth.study(dome, STIFF[:2], **arguments, **SETTINGS)
+        assert [row["reason"] for row in both.table] == ["converged", "converged"]
 
 
 def test_a_neighbour_that_is_no_start_is_left_alone(tmp_path):
@@ -434,6 +445,14 @@ def test_a_case_that_takes_its_process_down_is_found(tmp_path):
     assert "takes down the process" in study.table[1]["reason"]
 
 
+def test_a_case_that_exits_or_gives_no_scene_is_a_row(tmp_path):
+    cases = [{"ks": 1.0, "then": "exit"}, {"ks": 2.0, "then": "nothing"}, {"ks": 3.0}]
+    study = ngcloth.study(dome, cases, tmp_path, 1, **SETTINGS)
+    reasons = [row["reason"] for row in study.table]
+    nothing = "InputError: what make_scene returns = <class 'NoneType'>: an ngcloth.Scene"
+    assert reasons == ["SystemExit: no more cloth", nothing, "converged"]
+
+
 def test_processes_that_cannot_begin_end_the_study(tmp_path):
     file = tmp_path / "run.py"
     unguarded = script(tmp_path, 1).replace("if __name__", "if True or __name__")
@@ -495,6 +514,7 @@ def no_source():
         (r"cases\[0\]\['ks'\]", {"cases": [{"ks": math.nan}]}),
         (r"cases\[0\]\['ks'\]", {"cases": [{"ks": np.array([1.0, np.inf])}]}),
         (r"cases\[0\]\['ks'\]", {"cases": [{"ks": object()}]}),
+        (r"cases\[0\]\['ks'\]", {"cases": [{"ks": namedtuple("Pair", "one other")(1, 2)}]}),
         (r"cases\[0\]", {"cases": [{"energy": 1.0}], "make_scene": lambda energy: None}),
         ("make_scene", {"make_scene": 3}),
         ("make_scene", {"make_scene": ngcloth.Scene}),
@@ -517,6 +537,7 @@ def no_source():
         ("folder", {"folder": __file__}),
         ("folder", {"folder": Path(__file__) / "below"}),
         ("folder", {"folder": None}),
+        ("folder", {"folder": "long" * 100}),
     ],
 )
 def test_bad_input_is_refused_before_anything_is_solved(argument, given, tmp_path):

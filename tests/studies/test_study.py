@@ -127,6 +127,8 @@ def test_pictures_show_the_cases(solved):
         study.scatter("ks", "reason")
     with pytest.raises(ngcloth.InputError, match="column"):
         study.scatter("ks", "kd")
+    with pytest.raises(ngcloth.InputError, match=r"none has \['energy_error'\]"):
+        study.parallel_coordinates(["ks", "energy_error"])
 
 
 # What is solved, and what is not solved again ---------------------------------------------------

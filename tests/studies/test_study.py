@@ -22,6 +22,7 @@ import ngcloth
 from ngcloth.studies.source import source
 
 TESTS = Path(__file__).parents[1]
+GUARD = 'if __name__ == "__main__":'
 STIFF = [{"ks": ks} for ks in (1.0, 3.0, 10.0)]
 
 
@@ -455,15 +456,24 @@ def test_a_case_that_exits_or_gives_no_scene_is_a_row(tmp_path):
     assert reasons == ["SystemExit: no more cloth", nothing, "converged"]
 
 
-def test_processes_that_cannot_begin_end_the_study(tmp_path):
+@pytest.mark.parametrize(
+    ("part", "wrong"),
+    [
+        ("if __name__", "if True or __name__"),
+        (f", dome\n{GUARD}", f"\n{GUARD}\n    def dome(ks, notes): return None"),
+    ],
+)
+def test_processes_that_cannot_begin_end_the_study(part, wrong, tmp_path):
+    """The study is not guarded, or make_scene is, so that other processes do not have it."""
     file = tmp_path / "run.py"
-    unguarded = script(tmp_path, 1).replace("if __name__", "if True or __name__")
-    file.write_text(unguarded)
+    file.write_text(script(tmp_path, 1).replace(part, wrong))
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(TESTS), str(TESTS.parent)])}
     done = subprocess.run(
         [sys.executable, str(file)], env=environment, capture_output=True, text=True, timeout=120
     )
-    assert done.returncode == 1 and "if __name__ == '__main__'" in done.stderr.splitlines()[-1]
+    complaint = done.stderr.splitlines()[-1]
+    assert done.returncode == 1 and "if __name__ == '__main__'" in complaint
+    assert "make_scene above that" in complaint
 
 
 def test_a_broken_executor_of_the_users_is_told(tmp_path):

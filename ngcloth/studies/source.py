@@ -5,6 +5,7 @@ import hashlib
 import inspect
 import sys
 import sysconfig
+from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from ..errors import InputError
 
 INSTALLED = tuple({sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib")})
+PACKAGES = {"site-packages", "dist-packages"}  # the user's own folder of packages among them
 ATOMS = bool | int | float | complex | str | bytes | None | type(Ellipsis)
 
 
@@ -144,4 +146,4 @@ def _own(value):
     file = getattr(sys.modules.get(name), "__file__", None)
     if file is None:
         return name not in sys.builtin_module_names
-    return not file.startswith(INSTALLED)
+    return not file.startswith(INSTALLED) and PACKAGES.isdisjoint(Path(file).parts)

@@ -12,6 +12,7 @@ import time
 from collections import namedtuple
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -251,6 +252,23 @@ def test_cases_of_another_module_of_a_module_are_others(tmp_path, monkeypatch):
     assert source(make) == before
     monkeypatch.setattr(sys.modules["told_by"], "SLOPE", 2.0)
     assert source(make) != before
+
+
+def test_packages_in_the_folder_of_a_user_are_installed(tmp_path, monkeypatch):
+    """As `pip install --user` puts them; a module without source, too, is told by its name."""
+    packages = tmp_path / "lib" / "site-packages"
+    packages.mkdir(parents=True)
+    (packages / "of_others.py").write_text("def ks():\n    return 1.0")
+    (tmp_path / "uses_others.py").write_text(
+        "import of_others, without_source\ndef make(ks):\n    return of_others, without_source.ks"
+    )
+    without = ModuleType("without_source")
+    without.__file__ = str(tmp_path / "without_source.so")
+    monkeypatch.setitem(sys.modules, "without_source", without)
+    for folder in (packages, tmp_path):
+        monkeypatch.syspath_prepend(folder)
+    text = source(__import__("uses_others").make)
+    assert "def make" in text and "of_others" in text and "def ks" not in text
 
 
 def test_failures_are_rows_and_tried_again(tmp_path):

@@ -72,7 +72,8 @@ def parallel_coordinates(table, columns, ax=None):
     Raises
     ------
     InputError
-        If a column is not there, or not of numbers; or there are fewer than two.
+        If a column is not there, or not of numbers; there are fewer than two; or no case has a
+        number in each.
     """
     import matplotlib as mpl
 
@@ -81,6 +82,9 @@ def parallel_coordinates(table, columns, ax=None):
     values = np.array([_numbers(table, name) for name in columns])
     converged = np.array([bool(row.get("converged")) for row in table])
     shown = np.isfinite(values).all(axis=0)
+    if not shown.any():
+        empty = [n for n, row in zip(columns, values, strict=True) if not np.isfinite(row).any()]
+        raise InputError("columns", columns, f"columns that a case has all of; none has {empty}")
     values, converged = values[:, shown], converged[shown]
     heights = np.array([np.log(row) if _decades(row) else row for row in values])
     low, span = heights.min(axis=1, keepdims=True), np.ptp(heights, axis=1, keepdims=True)

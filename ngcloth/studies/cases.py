@@ -90,8 +90,10 @@ def plain(argument, value):
         return value
     if isinstance(value, float) and isfinite(value):
         return value
-    if isinstance(value, list | tuple):
-        return type(value)([plain(argument, each) for each in value])
+    if isinstance(value, list):
+        return [plain(argument, each) for each in value]
+    if type(value) is tuple:  # a named one would lose its names
+        return tuple(plain(argument, each) for each in value)
     if isinstance(value, Mapping) and all(isinstance(name, str) for name in value):
         return {name: plain(argument, each) for name, each in value.items()}
     raise InputError(argument, value, VALUES)

@@ -15,7 +15,7 @@ FALSE_STARTS = 2
 LOST = "lost: it takes down the process that solves it"
 GUARD = (
     "worker processes end before they begin a case: they import the script that is run, so its "
-    "own work has to be under `if __name__ == '__main__':`"
+    "own work has to be under `if __name__ == '__main__':`, and make_scene above that"
 )
 
 

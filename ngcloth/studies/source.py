@@ -5,6 +5,7 @@ import hashlib
 import inspect
 import sys
 import sysconfig
+from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from ..errors import InputError
 
 INSTALLED = tuple({sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib")})
+PACKAGES = {"site-packages", "dist-packages"}  # the user's own folder of packages among them
 ATOMS = bool | int | float | complex | str | bytes | None | type(Ellipsis)
 
 
@@ -38,30 +40,35 @@ def source(function):
     """
     parts = {}
     try:
+        if isinstance(function, FunctionType):
+            inspect.getsource(function)
         _tell(function, "make_scene", parts)
     except (OSError, TypeError) as error:
         allowed = f"a function whose source is in a file, to tell when it has changed ({error})"
         raise InputError("make_scene", function, allowed) from error
-    return "\n".join(f"{place}: {text}" for place, text in parts.values())
+    return "\n".join(f"{place}: {text}" for place, text, _ in parts.values())
 
 
 def _tell(value, place, parts):
-    """Note in `parts`, by id, what a value is, and what it refers to."""
+    """Note in `parts`, by id, what a value is, and what it refers to; values live as long."""
     if isinstance(value, ATOMS):
-        parts[place] = place, repr(value)
+        parts[place] = place, repr(value), None
         return
     if id(value) in parts:
         return
-    parts[id(value)] = place, _text(value)
+    parts[id(value)] = place, _text(value), value
     for name, each in _named(value):
         _tell(each, f"{place}.{name}", parts)
 
 
 def _text(value):
-    if isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
         return f"array {value.dtype} {value.shape} {hashlib.sha256(value.tobytes()).hexdigest()}"
     if isinstance(value, FunctionType | type | ModuleType) and _own(value):
-        return inspect.getsource(value)
+        try:
+            return inspect.getsource(value)
+        except (OSError, TypeError):  # made by a call, as the methods of a dataclass, or compiled
+            return _compiled(value.__code__) if isinstance(value, FunctionType) else value.__name__
     if isinstance(value, FunctionType | type | BuiltinFunctionType | ModuleType):
         return f"{getattr(value, '__module__', '')} {value.__name__}"
     if isinstance(value, set | frozenset):
@@ -83,20 +90,42 @@ def _named(value):
     elif isinstance(value, type):
         if _own(value):
             yield "bases", value.__bases__
-            yield from (item for item in sorted(vars(value).items()) if _method(item[1]))
+            for name, each in sorted(vars(value).items()):
+                if _method(each) or not name.startswith("__"):
+                    yield name, each
     elif isinstance(value, ModuleType):
-        return
+        if _own(value):
+            for name, each in sorted(vars(value).items()):
+                if isinstance(each, FunctionType | type | ModuleType) and _own(each):
+                    yield name, each
     elif isinstance(value, functools.partial):
         yield from (("function", value.func), ("given", value.args), ("named", value.keywords))
     elif isinstance(value, dict):
         yield from ((repr(name), each) for name, each in value.items())
     elif isinstance(value, list | tuple):
         yield from ((str(number), each) for number, each in enumerate(value))
+    elif isinstance(value, property):
+        yield from (("get", value.fget), ("set", value.fset))
     elif hasattr(value, "__func__"):
-        yield from (("function", value.__func__), ("of", value.__self__))
-    else:
+        yield from (("function", value.__func__), ("of", getattr(value, "__self__", None)))
+    elif not isinstance(value, set | frozenset):
         yield "class", type(value)
-        yield from sorted(getattr(value, "__dict__", {}).items())
+        yield "state", _state(value)
+
+
+def _state(value):
+    """What a copy of a value would be made from: not all that values hold is in a `__dict__`."""
+    try:
+        made = value.__reduce_ex__(2)
+        return made if isinstance(made, str) else [*made[1:3], *map(list, filter(None, made[3:]))]
+    except Exception:  # of any kind: there are values that cannot be copied
+        return getattr(value, "__dict__", None)
+
+
+def _compiled(code):
+    """A text of a function that has no other."""
+    inner = (_compiled(c) if isinstance(c, CodeType) else repr(c) for c in code.co_consts)
+    return f"{code.co_code.hex()} {code.co_names} {', '.join(inner)}"
 
 
 def _method(value):
@@ -117,4 +146,4 @@ def _own(value):
     file = getattr(sys.modules.get(name), "__file__", None)
     if file is None:
         return name not in sys.builtin_module_names
-    return not file.startswith(INSTALLED)
+    return not file.startswith(INSTALLED) and PACKAGES.isdisjoint(Path(file).parts)

@@ -33,7 +33,11 @@ COLUMNS = ("key", *OUTPUTS)
 def checked_folder(folder):
     """The folder of a study as a path; it need not be there yet."""
     path = checked_path(folder)
-    there = next(place for place in (path, *path.parents) if place.exists())
+    try:
+        there = next(place for place in (path, *path.parents) if place.exists())
+    except OSError as error:  # a name that is too long
+        allowed = f"the path of a folder ({error.strerror})"
+        raise InputError("folder", str(folder), allowed) from error
     if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
         raise InputError("folder", str(folder), f"a folder to write to; {there} is none")
     return path

@@ -99,13 +99,14 @@ class Study:
             self._run(open_keys[len(open_keys) // 2 :][:1])
             open_keys = self._open()
         rows = self._rows()
-        failed = sum(not row["converged"] for row in rows if row["reason"] != NOT_YET)
+        ended = self._mine - set(open_keys)
+        failed = sum(not self._row(key)["converged"] for key in ended)
+        again = sum(self._row(key)["reason"] != NOT_YET for key in open_keys)
         solved = [row for row in rows if row["seconds"] is not None]
         lines = [
             f"{len(self._mine)} cases" + (f" of {len(set(self.keys))}" if self._is_part else ""),
-            f"  done    {len(self._mine) - len(open_keys)}, of which {failed} failed"
-            f", in {self._store.folder}",
-            f"  to do   {len(open_keys)}",
+            f"  done    {len(ended)}, of which {failed} did not converge, in {self._store.folder}",
+            f"  to do   {len(open_keys)}" + (f", of which {again} failed before" if again else ""),
         ]
         if solved:
             seconds = sum(row["seconds"] for row in solved) / len(solved)

@@ -53,7 +53,7 @@ def solve_case(make_scene, case, settings, folder, key, neighbours=()):
                 row, told["certificate"] = _outcome(result)
                 result.save(place / RESULT)
                 told["finished"] = result.reason is not Reason.INTERRUPTED
-            except Exception as error:
+            except (Exception, SystemExit) as error:  # a script that exits ends its case alone
                 row = failure(f"{type(error).__name__}: {error}")
             row["seconds"] = perf_counter() - begun
             store.write_record(place, key, told | {"row": row})
@@ -70,7 +70,7 @@ def failure(why):
 def _solved(make_scene, case, settings, store, neighbours):
     scene = make_scene(**case)
     if not isinstance(scene, Scene):
-        raise InputError("make_scene", make_scene, "a function that returns an ngcloth.Scene")
+        raise InputError("what make_scene returns", type(scene), "an ngcloth.Scene")
     warm = warmed(scene, store, neighbours)
     if warm:
         result = solve(warm, **settings)

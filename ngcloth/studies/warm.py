@@ -1,7 +1,9 @@
 """Starts from neighbours: which cases are near, and what is taken over from one."""
 
 import numbers
+import zlib
 from dataclasses import replace
+from zipfile import BadZipFile
 
 import ngsolve as ngs
 import numpy as np
@@ -14,6 +16,7 @@ from .store import RESULT
 NEAREST = 16  # that are looked for; one of them is mostly solved once a few are
 DEGREE = 7  # of the polynomials that are fitted
 LARGEST = 2**28  # bytes of the arrays of a result
+UNREADABLE = (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error)
 
 
 def neighbours(cases, keys):
@@ -71,8 +74,11 @@ def warmed(scene, store, keys):
         record = store.record(key)
         if record and record["row"]["converged"]:
             file = store.place(key) / RESULT / "fields.npz"
-            fields = plain_arrays(plain_bytes(file, LARGEST), LARGEST)
-            theta, psi = (fields[name].reshape(-1, 2) for name in ("theta", "psi"))
+            try:
+                fields = plain_arrays(plain_bytes(file, LARGEST), LARGEST)
+                theta, psi = (fields[name].reshape(-1, 2) for name in ("theta", "psi"))
+            except UNREADABLE:
+                continue
             try:
                 return replace(scene, start=_Polynomial(scene, theta, psi))
             except InputError:

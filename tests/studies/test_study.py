@@ -9,8 +9,10 @@ import signal
 import subprocess
 import sys
 import time
+from collections import namedtuple
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -18,8 +20,10 @@ from matplotlib.figure import Figure
 from studies.scenes_of_studies import SETTINGS, dome, other_cloth
 
 import ngcloth
+from ngcloth.studies.source import source
 
 TESTS = Path(__file__).parents[1]
+GUARD = 'if __name__ == "__main__":'
 STIFF = [{"ks": ks} for ks in (1.0, 3.0, 10.0)]
 
 
@@ -125,6 +129,8 @@ def test_pictures_show_the_cases(solved):
         study.scatter("ks", "reason")
     with pytest.raises(ngcloth.InputError, match="column"):
         study.scatter("ks", "kd")
+    with pytest.raises(ngcloth.InputError, match=r"none has \['energy_error'\]"):
+        study.parallel_coordinates(["ks", "energy_error"])
 
 
 # What is solved, and what is not solved again ---------------------------------------------------
@@ -174,6 +180,97 @@ def test_cases_of_another_source_are_others(tmp_path, monkeypatch):
     assert key(more=" + x") != first
 
 
+VALUES = """
+import enum
+from collections import deque, namedtuple
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+import numpy as np
+from scipy.interpolate import CubicSpline
+@dataclass(frozen=True)
+class Cloth:
+    ks: float
+    @staticmethod
+    def name():
+        return "tulle"
+class Slim:
+    __slots__ = ("ks",)
+    def __init__(self, ks):
+        self.ks = ks
+Pair = namedtuple("Pair", "ks")
+VALUE = {value}
+class Told:
+    value = VALUE
+    @property
+    def twice(self):
+        return 2 * VALUE
+def make(ks):
+    return {named}, Pair(ks)
+"""
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("np.float32(1)", "np.float32(2)"),
+        ("np.arange(3)[1]", "np.arange(3)[2]"),
+        ("np.array([{1: 2}])", "np.array([{1: 3}])"),
+        ("Path('a.step')", "Path('b.step')"),
+        ("Fraction(1, 2)", "Fraction(1, 3)"),
+        ("range(2)", "range(3)"),
+        ("deque([1])", "deque([2])"),
+        ("CubicSpline([0, 1, 2], [0, 1, 2])", "CubicSpline([0, 1, 2], [0, 1, 3])"),
+        ("Cloth(1.0)", "Cloth(2.0)"),
+        ("Slim(1.0)", "Slim(2.0)"),
+    ],
+)
+@pytest.mark.parametrize("named", ["VALUE", "Told.value", "Told().twice"])
+def test_cases_of_other_values_are_others(one, other, named, tmp_path, monkeypatch):
+    """Of values that are named, in a module of the user's, whatever they are kept in."""
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+
+    def key(number, value):
+        name = f"values_{number}_{abs(hash(tmp_path))}"
+        (tmp_path / f"{name}.py").write_text(VALUES.format(value=value, named=named))
+        return source(__import__(name).make).replace(name, "").replace(one, "").replace(other, "")
+
+    assert key(1, one) == key(2, one) != key(3, other)
+
+
+def test_cases_of_another_module_of_a_module_are_others(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "makes_it.py").write_text(
+        "import told_by\ndef make(ks):\n    return told_by.slope(ks)"
+    )
+    told = "from constant_of import SLOPE\ndef slope(ks):\n    return SLOPE"
+    (tmp_path / "told_by.py").write_text(told)
+    (tmp_path / "constant_of.py").write_text("SLOPE = 1.0")
+    make = __import__("makes_it").make
+    before = source(make)
+    assert source(make) == before
+    monkeypatch.setattr(sys.modules["told_by"], "SLOPE", 2.0)
+    assert source(make) != before
+
+
+def test_packages_in_the_folder_of_a_user_are_installed(tmp_path, monkeypatch):
+    """As `pip install --user` puts them; a module without source, too, is told by its name."""
+    packages = tmp_path / "lib" / "site-packages"
+    packages.mkdir(parents=True)
+    (packages / "of_others.py").write_text("def ks():\n    return 1.0")
+    (tmp_path / "uses_others.py").write_text(
+        "import of_others, without_source\ndef make(ks):\n    return of_others, without_source.ks"
+    )
+    without = ModuleType("without_source")
+    without.__file__ = str(tmp_path / "without_source.so")
+    monkeypatch.setitem(sys.modules, "without_source", without)
+    for folder in (packages, tmp_path):
+        monkeypatch.syspath_prepend(folder)
+    text = source(__import__("uses_others").make)
+    assert "def make" in text and "of_others" in text and "def ks" not in text
+
+
 def test_failures_are_rows_and_tried_again(tmp_path):
     bad = [{"ks": 1.0, "then": "raise"}, {"ks": -1.0}, {"ks": 1.0, "height": 0.2}]
     bad = [case | {"notes": str(tmp_path)} for case in bad]
@@ -182,7 +279,8 @@ def test_failures_are_rows_and_tried_again(tmp_path):
     assert reasons[0] == "RuntimeError: no such cloth"
     assert reasons[1].startswith("InputError: ks = -1.0")
     assert [row["converged"] for row in study.table] == [False, False, True]
-    assert "3 cases" in study.explain() and "to do   2" in study.explain()
+    assert "3 cases" in study.explain() and "to do   2, of which 2 failed" in study.explain()
+    assert "done    1, of which 0 did not converge" in study.explain()
     with pytest.raises(ngcloth.InputError, match="no such cloth"):
         study.load(0)
     study.run()
@@ -250,6 +348,15 @@ def test_a_warm_start_gives_the_same_answer(solved, tmp_path):
     for one, other in zip(warm.table, study.table, strict=True):
         assert one["energy"] == pytest.approx(other["energy"], rel=2e-3)  # its barrier's error
     assert warm.load(2).converged
+
+
+def test_a_damaged_neighbour_is_no_start(tmp_path):
+    for number, damage in enumerate((lambda file: file.write_bytes(b"no zip"), Path.unlink)):
+        arguments = {"folder": tmp_path / str(number), "executor": Here(), "warm": True}
+        one = ngcloth.study(dome, STIFF[:1], **arguments, **SETTINGS)
+        damage(arguments["folder"] / "cases" / one.keys[0] / "result" / "fields.npz")
+        both = ngcloth.study(dome, STIFF[:2], **arguments, **SETTINGS)
+        assert [row["reason"] for row in both.table] == ["converged", "converged"]
 
 
 def test_a_neighbour_that_is_no_start_is_left_alone(tmp_path):
@@ -359,15 +466,32 @@ def test_a_case_that_takes_its_process_down_is_found(tmp_path):
     assert "takes down the process" in study.table[1]["reason"]
 
 
-def test_processes_that_cannot_begin_end_the_study(tmp_path):
+def test_a_case_that_exits_or_gives_no_scene_is_a_row(tmp_path):
+    cases = [{"ks": 1.0, "then": "exit"}, {"ks": 2.0, "then": "nothing"}, {"ks": 3.0}]
+    study = ngcloth.study(dome, cases, tmp_path, 1, **SETTINGS)
+    reasons = [row["reason"] for row in study.table]
+    nothing = "InputError: what make_scene returns = <class 'NoneType'>: an ngcloth.Scene"
+    assert reasons == ["SystemExit: no more cloth", nothing, "converged"]
+
+
+@pytest.mark.parametrize(
+    ("part", "wrong"),
+    [
+        ("if __name__", "if True or __name__"),
+        (f", dome\n{GUARD}", f"\n{GUARD}\n    def dome(ks, notes): return None"),
+    ],
+)
+def test_processes_that_cannot_begin_end_the_study(part, wrong, tmp_path):
+    """The study is not guarded, or make_scene is, so that other processes do not have it."""
     file = tmp_path / "run.py"
-    unguarded = script(tmp_path, 1).replace("if __name__", "if True or __name__")
-    file.write_text(unguarded)
+    file.write_text(script(tmp_path, 1).replace(part, wrong))
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(TESTS), str(TESTS.parent)])}
     done = subprocess.run(
         [sys.executable, str(file)], env=environment, capture_output=True, text=True, timeout=120
     )
-    assert done.returncode == 1 and "if __name__ == '__main__'" in done.stderr.splitlines()[-1]
+    complaint = done.stderr.splitlines()[-1]
+    assert done.returncode == 1 and "if __name__ == '__main__'" in complaint
+    assert "make_scene above that" in complaint
 
 
 def test_a_broken_executor_of_the_users_is_told(tmp_path):
@@ -420,6 +544,7 @@ def no_source():
         (r"cases\[0\]\['ks'\]", {"cases": [{"ks": math.nan}]}),
         (r"cases\[0\]\['ks'\]", {"cases": [{"ks": np.array([1.0, np.inf])}]}),
         (r"cases\[0\]\['ks'\]", {"cases": [{"ks": object()}]}),
+        (r"cases\[0\]\['ks'\]", {"cases": [{"ks": namedtuple("Pair", "one other")(1, 2)}]}),
         (r"cases\[0\]", {"cases": [{"energy": 1.0}], "make_scene": lambda energy: None}),
         ("make_scene", {"make_scene": 3}),
         ("make_scene", {"make_scene": ngcloth.Scene}),
@@ -442,6 +567,7 @@ def no_source():
         ("folder", {"folder": __file__}),
         ("folder", {"folder": Path(__file__) / "below"}),
         ("folder", {"folder": None}),
+        ("folder", {"folder": "long" * 100}),
     ],
 )
 def test_bad_input_is_refused_before_anything_is_solved(argument, given, tmp_path):

@@ -154,7 +154,6 @@ def cut_pattern(result, *, unit_mm=None, pitch=None, seam=0.0, marks=12, toleran
         raise InputError("marks", marks, f"an integer, 0 to {MOST_MARKS}")
     if tolerance is not None:
         check_number("tolerance", tolerance, 0, open_low=True)
-
     coarse = unit_mm * result.outline(400)
     size = float(np.ptp(coarse, axis=0).max())
     if not SIZES[0] <= size <= SIZES[1]:

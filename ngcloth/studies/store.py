@@ -65,7 +65,8 @@ class Store:
             record = json.loads(plain_bytes(self.place(key) / RECORD, LARGEST))
             known = (record["format"], record["version"], record["key"]) == (FORMAT, VERSION, key)
             whole = set(record["row"]) == set(OUTPUTS) and isinstance(record["finished"], bool)
-            return record if known and whole else None
+            there = not record["finished"] or (self.place(key) / RESULT).is_dir()
+            return record if known and whole and there else None
         except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return None  # damaged ones are made again
 
@@ -86,11 +87,10 @@ class Store:
             shutil.rmtree(new, ignore_errors=True)
 
     def _put(self, new, key):
-        place = self.place(key)
-        if place.exists() and not self.finished(key):  # a failure, or damaged
-            shutil.rmtree(place)
+        if not self.finished(key):  # a failure, or damaged
+            _remove(self.place(key))
         try:
-            os.rename(new, place)
+            os.rename(new, self.place(key))
         except OSError:
             if not self.finished(key):  # or else by another master of the same study
                 raise
@@ -106,8 +106,8 @@ class Store:
             if left.name[1:].partition("-")[0] in keys:
                 shutil.rmtree(left, ignore_errors=True)
         for key in keys:
-            if self.place(key).exists() and not self.finished(key):
-                shutil.rmtree(self.place(key), ignore_errors=True)
+            if not self.finished(key):
+                _remove(self.place(key))
 
     def write_record(self, place, key, record):
         """Write the record of a case to its workshop."""
@@ -124,6 +124,14 @@ class Store:
             table.writerow({name: _cell(value) for name, value in row.items()})
         self.folder.mkdir(parents=True, exist_ok=True)
         write_file(self.folder / TABLE, text.getvalue().encode(errors="replace"))
+
+
+def _remove(place):
+    """Take away a folder, or whatever else has its name."""
+    if place.is_dir() and not place.is_symlink():
+        shutil.rmtree(place, ignore_errors=True)
+    else:
+        place.unlink(missing_ok=True)
 
 
 def _cell(value):

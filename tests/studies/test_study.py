@@ -5,6 +5,7 @@ import math
 import os
 import pickle
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -322,6 +323,21 @@ def test_damaged_records_are_solved_again(tmp_path):
         record.write_bytes(data)
         assert study.table[0]["reason"] == "not solved yet"
         assert_same(study.run().table, before)
+
+
+def test_cases_whose_result_is_gone_are_solved_again(tmp_path):
+    study = ngcloth.study(dome, STIFF[:1], tmp_path, Here(), **SETTINGS)
+    before, place = study.table, tmp_path / "cases" / study.keys[0]
+    for damage in (lambda: shutil.rmtree(place / "result"), lambda: _replaced_by_file(place)):
+        damage()
+        assert study.table[0]["reason"] == "not solved yet"
+        assert_same(study.run().table, before)
+        assert study.load(0).converged
+
+
+def _replaced_by_file(place):
+    shutil.rmtree(place)
+    place.write_text("no folder")
 
 
 def test_explain_tells_cost_and_what_is_done(tmp_path):

@@ -317,8 +317,7 @@ _FOLDED_ELLIPSOID = (
     "the cloth folds between them; some runs end there, others are blocked or use up their steps."
 )
 _NEARLY_WHOLE = (
-    "The nearer to the whole sphere, the more steps it takes: 176 at 0.95, here more than the "
-    "budget of 500."
+    "The nearer to the whole sphere, the more steps it takes, here more than the budget of 500."
 )
 EXPLANATIONS = {
     ("portion of the sphere, γmax = cos π/6", "0.97"): _NEARLY_WHOLE,

@@ -125,8 +125,8 @@ class FileSurface(ABC):
             Of ψ, hence of the φ that the metric is of.
         coarser : int, optional
             How many meshes come before it at most, each of twice the element size of the next,
-            which is a refinement of it. The first is as coarse as that only if the curvature of
-            the part lets it. Default 0.
+            which is a refinement of it: more than one only where the curvature of the part lets
+            triangles be that large. Default 0.
         symmetric : bool, optional
             Whether edges of a CAD file that are named "mirror1" and "mirror2" keep these names, as
             mirror lines; they lie on θ1 = 0 and θ2 = 0. By default all edges are "rim".

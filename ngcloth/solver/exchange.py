@@ -8,13 +8,11 @@ import numpy as np
 
 from ..geometry.sheet import lattice
 from ..problem.constraints import Elongation, LimitPoints, ShearLimit
+from ..result.certificate import FINE
 
 # Of a slack, over its scale: what is left between the points, and below what a limit is near. At a
 # weak barrier a point that is added late leaves hardly any room for a step.
 MISSED, NEAR = 1e-3, 0.05
-# Points along a side at which limits are looked at that are more than ratios of squares of ∇ψ: with
-# the curvature, a reaction may be missed by 1e-2 between the points of a coarser lattice.
-FINE = 24
 
 
 def missed_points(problem):
@@ -25,8 +23,9 @@ def missed_points(problem):
     Parameters
     ----------
     problem : ConstrainedLagrangian
-        Looked at on a lattice of twice its order, edges and corners included; on a finer one where
-        there are other limits than those of stretch and shear.
+        Looked at on a lattice of twice its order, edges and corners included; on that of the
+        certificate where limits are more than ratios of squares of ∇ψ. With the curvature, a
+        reaction may be missed by 1e-2 between the points of a coarser one.
 
     Returns
     -------

@@ -50,8 +50,8 @@ def interior_point(problem, recorder, last_mu, phase="barrier", warm=False):
     saddle = np.inf  # the cost of the one that was left last
     least, nearest = np.inf, problem.unknowns.copy()  # what is missed, and where least, at this μ
     while not recorder.exhausted:
-        if iterate.missed() < least:
-            least, nearest = iterate.missed(), problem.unknowns.copy()
+        if (missed := iterate.missed()) < least:
+            least, nearest = missed, problem.unknowns.copy()
         error = iterate.error()
         end = unseen(problem) if last_mu is None else last_mu
         if iterate.mu > end and iterate.is_near(error):

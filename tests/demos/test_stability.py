@@ -12,7 +12,8 @@ from loading import DEMOS
 
 sys.path.insert(0, str(DEMOS))  # the demo imports its rows as a script does
 import stability
-from stability_cases import SOLVES, cases
+import stability_page
+from stability_cases import EXPLANATIONS, SOLVES, cases
 
 CASES = {(case.axis, case.value): case for case in cases()}
 SCRIPT = """
@@ -51,7 +52,7 @@ def test_the_table_covers_the_axes():
         "maxh order start turn noise"
     ).split():
         assert word in axes
-    assert set(stability.EXPLANATIONS) <= set(CASES)
+    assert set(EXPLANATIONS) <= set(CASES)
 
 
 def test_the_patch_does_not_depend_on_the_unit_of_stiffness():
@@ -67,7 +68,7 @@ def test_the_patch_does_not_depend_on_the_unit_of_stiffness():
 def test_a_bad_start_is_refused():
     (refused,) = rows("[CASES['bad starts', '(-0.5, 0.5), inverted']]")
     assert refused["outcome"].startswith("InputError: start = (-0.5, 0.5): J = det")
-    assert not stability.failed(refused)
+    assert not stability_page.failed(refused)
 
 
 def test_a_crash_and_a_hang_are_rows():
@@ -76,7 +77,7 @@ def test_a_crash_and_a_hang_are_rows():
     crashed, hung = rows(f"[{crash}, {hang}]")
     assert crashed["outcome"].startswith("crash, exit code -")
     assert hung["outcome"] == "not ended in 1 s"
-    assert stability.failed(crashed) and stability.failed(hung)
+    assert stability_page.failed(crashed) and stability_page.failed(hung)
 
 
 def counted(axes, steps):

@@ -6,30 +6,50 @@ arguments in FOLDER/arguments.npz and the answer in FOLDER/answer.npz. Knows not
 that it starts quickly.
 """
 
+import re
 import sys
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 
+# A name that is not set, as in files of Rhino: netgen wants a text there.
+NO_NAME = re.compile(rb"(=\s*\w+\s*\(\s*|\bREPRESENTATION_ITEM\s*\(\s*)\$")
 
-def read_cad(folder, name):
-    """Make FOLDER/whole.brep of a CAD file, and a table of its faces."""
+FINEST = 20  # largest over smallest element; small radii would ask for more than cloth feels
+
+
+def read_cad(folder, name, measured):
+    """Make FOLDER/whole.brep of a CAD file, and a table of its faces, `measured` if asked."""
     from netgen.occ import OCCGeometry
 
-    shape = OCCGeometry(str(folder / str(name))).shape
+    path = folder / str(name)
+    if path.suffix == ".step":
+        path.write_bytes(named(path.read_bytes()))
+    shape = OCCGeometry(str(path)).shape
     shape.WriteBrep(str(folder / "whole.brep"))
     faces = list(shape.faces)
+    # Slow, seconds for a face of many knots.
+    properties = [face.Properties() if measured else (np.nan, [np.nan] * 3) for face in faces]
     return {
         "names": np.array([face.name or "" for face in faces], dtype=str),
-        "areas": np.array([face.mass for face in faces]),
-        "centres": np.array([tuple(face.center) for face in faces]).reshape(-1, 3),
+        "areas": np.array([area for area, _ in properties]),
+        "centres": np.array([tuple(centre) for _, centre in properties]).reshape(-1, 3),
         "boxes": np.array([[tuple(end) for end in face.bounding_box] for face in faces]),
         "edge_names": np.array([edge.name or "" for edge in shape.edges], dtype=str),
     }
 
 
+def named(step):
+    """The bytes of a STEP file in which no first attribute, the name, is left out."""
+    return NO_NAME.sub(rb"\1''", step)
+
+
 def join_faces(folder, faces, edge_names, tolerance):
-    """Make FOLDER/part.brep of some faces of FOLDER/whole.brep, joined along common edges."""
+    """Make FOLDER/part.brep of some faces of FOLDER/whole.brep, joined along common edges.
+
+    Tells whether no edge is a rim; poles hide that, but not from who looks at a mesh.
+    """
     from netgen.occ import OCCGeometry, Sew
 
     shape = OCCGeometry(str(folder / "whole.brep")).shape
@@ -40,7 +60,11 @@ def join_faces(folder, faces, edge_names, tolerance):
     if len(chosen) > 1:
         part = Sew(chosen, tolerance=float(tolerance), non_manifold=True)
     part.WriteBrep(str(folder / "part.brep"))
-    return {"edge_names": np.array([edge.name or "" for edge in part.edges], dtype=str)}
+    sides = Counter(edge for face in part.faces for edge in face.edges)  # seams have two
+    return {
+        "edge_names": np.array([edge.name or "" for edge in part.edges], dtype=str),
+        "closed": min(sides.values()) > 1,
+    }
 
 
 def _name_edges(shape, names):
@@ -62,7 +86,7 @@ def mesh_part(folder, edge_names, maxh, levels, orders):
     shape = OCCGeometry(str(folder / "part.brep")).shape
     _name_edges(shape, edge_names)
     netgen_mesh = OCCGeometry(shape).GenerateMesh(
-        maxh=float(maxh), perfstepsend=MeshingStep.MESHSURFACE
+        maxh=float(maxh), minh=float(maxh) / FINEST, perfstepsend=MeshingStep.MESHSURFACE
     )
     answer = {}
     for level in range(int(levels)):
@@ -97,7 +121,8 @@ def read_facets(folder, name):
     """Points and triangles of a file of facets."""
     import pyvista
 
-    mesh = pyvista.read(str(folder / str(name)))
+    path = folder / str(name)
+    mesh = _read_obj(path) if path.suffix == ".obj" else pyvista.read(str(path))
     if isinstance(mesh, pyvista.MultiBlock):
         mesh = mesh.combine()
     if not isinstance(mesh, pyvista.PolyData):
@@ -105,6 +130,21 @@ def read_facets(folder, name):
     mesh = mesh.triangulate()
     points = np.array(mesh.points, dtype=float).reshape(-1, 3)
     return {"points": points, "triangles": np.array(mesh.regular_faces, dtype=int).reshape(-1, 3)}
+
+
+def _read_obj(path):
+    """Faces of an OBJ file by its own vertices, which VTK doubles where it has textures."""
+    import pyvista
+
+    points, faces = [], []
+    for line in path.read_text(errors="replace").replace("\\\n", " ").splitlines():
+        word, *rest = line.split() or [""]
+        if word == "v":
+            points.append([float(number) for number in rest[:3]])
+        elif word == "f":
+            corners = [int(corner.split("/")[0]) for corner in rest]
+            faces += [len(rest), *(n - 1 if n > 0 else n + len(points) for n in corners)]
+    return pyvista.PolyData(np.array(points).reshape(-1, 3), np.array(faces, dtype=int))
 
 
 def lattice(order):

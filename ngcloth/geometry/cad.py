@@ -1,14 +1,13 @@
 """Surfaces from CAD files: STEP, IGES and BREP."""
 
 import tempfile
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
-from .file_surface import SHARP, UNITS, FileSurface, Level, check_size
+from .file_surface import UNITS, FileSurface, Level, check_size
 from .mirrors import MIRRORS
 from .process import KernelError, run
 
@@ -21,7 +20,7 @@ ENDINGS = {
     ".brp": ".brep",
 }  # the kernel reads but one spelling of each
 GAP = 1e-5  # of the size; gaps as wide are closed, as between the loose faces of IGES files
-PATIENCE = 30.0, 3e-5  # seconds, and for each byte, in which a file is read or has no end
+PATIENCE = 120.0, 3e-5  # seconds, and for each byte, in which a file is read or has no end
 MESHING = 120.0, 2e-2  # and for each triangle, in which faces are meshed
 
 
@@ -87,7 +86,7 @@ class CadSurface(FileSurface):
                     orders=orders,
                 )
             except KernelError as error:
-                allowed = f"faces that can be meshed ({error})"
+                allowed = f"faces that can be meshed ({error}); take fewer, or repair the file"
                 raise InputError("faces", self.faces, allowed) from error
         return [self._level(answer, number, orders) for number in range(count)]
 
@@ -162,7 +161,13 @@ def from_cad(path, faces=None, unit="mm", side=1):
         folder = Path(folder)
         (folder / f"file{ending}").write_bytes(data)
         try:
-            table = run("read_cad", folder, patience(data), name=f"file{ending}")
+            table = run(
+                "read_cad",
+                folder,
+                patience(data),
+                name=f"file{ending}",
+                measured=callable(faces),
+            )
         except KernelError as error:
             raise InputError("path", str(path), f"a readable {ending[1:]} file ({error})") from None
         numbers = _chosen(table, faces, path, unit)
@@ -179,11 +184,14 @@ def from_cad(path, faces=None, unit="mm", side=1):
             )
         except KernelError as error:
             raise InputError("faces", numbers, f"faces that can be joined ({error})") from None
+        if joined["closed"]:  # known before it is meshed, which takes minutes for an assembly
+            from .topology import CLOSED
+
+            allowed = f"a disk, with or without holes; this is {CLOSED}"
+            raise InputError("faces", len(numbers), allowed)
         brep = (folder / "part.brep").read_bytes()
     surface = CadSurface(brep, joined["edge_names"], box, len(numbers), unit, side)
-    if surface.sharp:
-        text = f"{path.name} has edges sharper than {SHARP:g}°, {surface.sharp:.3g} {unit} of them"
-        warnings.warn(f"{text}: the reaction there is not known", stacklevel=3)
+    surface.warn_of_edges(path.name, stacklevel=3)
     return surface
 
 

@@ -9,7 +9,7 @@ from netgen.meshing import NgException
 
 from ..errors import InputError, check_number
 from .cad import patience, read_bytes
-from .file_surface import MESHES, FileSurface, check_size
+from .file_surface import MESHES, FileSurface, check_size, tube
 from .flatten import FlatteningError, flatten
 from .jets import EXACT, Jets
 from .process import KernelError, run
@@ -18,6 +18,11 @@ from .rim_curves import RimCurves
 from .topology import clean, topology
 
 ENDINGS = {ending: ending for ending in MESHES}
+LARGER = 1.05  # area of a smooth surface over that of facets, from which on it is not near them
+CHOICE = (
+    "All facets are taken: cut the part in another program, and save it as .obj or .ply, which "
+    "keep the cut, or pass points, and the triangles that you choose"
+)
 ROUGH = 0.06  # noise over length of edges from which on curvature is not to be relied on
 
 
@@ -46,12 +51,16 @@ class FacetSurface(FileSurface):
 
     def __init__(self, points, triangles, unit, side, smoothing, argument, value):
         super().__init__(unit, side)
-        points, triangles = _checked(points, triangles, argument, value)
+        points, triangles = _whole(*_checked(points, triangles, argument, value))
+        if len(points) < EXACT:
+            allowed = f"at least {EXACT} vertices of facets with an area; there are {len(points)}"
+            raise InputError(argument, value, allowed)
         self.box = np.array([points.min(axis=0), points.max(axis=0)])
         check_size(self.box, unit, argument, value)
         found, turned = topology(triangles)
-        if found.fault:
-            allowed = f"a disk, with or without holes; this is {found.fault} (found: {found})"
+        fault = _fault(points, triangles)
+        if fault:
+            allowed = f"a disk, with or without holes; this is {fault} (found: {found}). {CHOICE}"
             raise InputError(argument, value, allowed)
         triangles[turned] = triangles[turned][:, [1, 0, 2]]
         self.points, self.triangles, self.smoothing = points, triangles, smoothing
@@ -73,6 +82,13 @@ class FacetSurface(FileSurface):
             raise InputError(argument, value, f"a surface that can be laid flat; {error}") from None
         self._remesher = Remesher(points, triangles, flat, jets, curves)
         self._survey(argument, value)
+        if not self.area < LARGER * areas.sum():
+            allowed = (
+                f"facets near a smooth surface; theirs have {areas.sum():.3g} {unit}², the one "
+                f"through their vertices {self.area:.3g}. Take more even facets, without needles, "
+                "folds and sharp edges, or a CAD file"
+            )
+            raise InputError(argument, value, allowed)
 
     def levels(self, maxh, orders, count):  # noqa: D102
         try:
@@ -127,19 +143,21 @@ def from_mesh(source, unit="mm", smoothing="auto", side=1):
     Raises
     ------
     InputError
-        If the file cannot be read, whatever is in it; if points are not finite; or if the facets
-        do not make a disk, with or without holes.
+        If the file cannot be read, whatever is in it; if points are not finite; if the facets do
+        not make a disk, with or without holes; or no smooth surface through their vertices is near
+        them.
 
     Warns
     -----
     UserWarning
-        Where noise hides the curvature, as at 1e-2 of the radius of a dome.
+        Where noise hides the curvature, as at 1e-2 of the radius of a dome; and of edges at which
+        the surface turns by more than 5°.
     """
     if isinstance(source, tuple | list):
         if len(source) != 2:
             raise InputError("source", source, "a path, or a pair of points and triangles")
         arrays = "source", "points and triangles"
-        return _with_warning(FacetSurface(*source, unit, side, smoothing, *arrays))
+        return _with_warnings(FacetSurface(*source, unit, side, smoothing, *arrays), "the surface")
     path, ending, data = read_bytes(source, ENDINGS)
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
@@ -149,10 +167,13 @@ def from_mesh(source, unit="mm", smoothing="auto", side=1):
         except KernelError as error:
             raise InputError("path", str(path), f"a readable {ending[1:]} file ({error})") from None
     facets = facets["points"], facets["triangles"]
-    return _with_warning(FacetSurface(*facets, unit, side, smoothing, "path", str(path)))
+    return _with_warnings(
+        FacetSurface(*facets, unit, side, smoothing, "path", str(path)), path.name
+    )
 
 
-def _with_warning(surface):
+def _with_warnings(surface, name):
+    surface.warn_of_edges(name, stacklevel=4)
     if surface.rough:
         noise = f"vertices {surface.noise:.2g} {surface.unit} off a smooth surface"
         warnings.warn(f"{noise}: too rough for its curvature and its reaction", stacklevel=4)
@@ -160,7 +181,7 @@ def _with_warning(surface):
 
 
 def _checked(points, triangles, argument, value):
-    """Points and triangles as arrays, merged and without degenerate facets."""
+    """Points and triangles as arrays."""
     try:
         points = np.asarray(points, dtype=float)
         triangles = np.asarray(triangles)
@@ -181,11 +202,23 @@ def _checked(points, triangles, argument, value):
         raise InputError(argument, value, f"finite points; {len(bad)} are not, first {bad[0]}")
     if not np.ptp(points, axis=0).max() > 0:
         raise InputError(argument, value, "facets with a size; all points are one")
-    points, triangles = clean(points, triangles)
-    if len(points) < EXACT:
-        allowed = f"at least {EXACT} vertices of facets with an area; there are {len(points)}"
-        raise InputError(argument, value, allowed)
     return points, triangles
+
+
+def _whole(points, triangles):
+    """Facets joined where vertices coincide, or, if only without that they are a disk, not joined.
+
+    A tube that was cut open has both sides of the cut in one place.
+    """
+    whole, own = clean(points, triangles), clean(points, triangles, merge=False)
+    cut = len(own[0]) > len(whole[0]) and _fault(*whole) and not _fault(*own)
+    return own if cut else whole
+
+
+def _fault(points, triangles):
+    """Why facets are no disk; None if they are one."""
+    found, _ = topology(triangles)
+    return found.fault or tube(points, triangles, found.rims)
 
 
 def _normals(points, triangles):

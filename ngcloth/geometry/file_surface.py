@@ -1,6 +1,7 @@
 """Surfaces without a formula: what those of CAD files and of facets have in common."""
 
 import numbers
+import warnings
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
@@ -177,13 +178,15 @@ class FileSurface(ABC):
         from .topology import topology
 
         try:
-            (level,) = self.levels(self.size / SURVEY, (2, 4), 1)
+            (level,) = self.levels(self.size / SURVEY, (4,), 1)
         except InputError as error:
+            if error.argument == argument:
+                raise
             allowed = f"a surface that can be meshed: {error.argument} = {error.value!r}, "
             raise InputError(argument, value, allowed + error.allowed) from error
         self._surveyed = level
         self.topology, turned = topology(level.triangles)
-        fault = self.topology.fault or _tube(level, self.topology.rims)
+        fault = self.topology.fault or tube(level.vertices, level.triangles, self.topology.rims)
         if fault:
             found = f"{fault} (found: {self.topology})"
             raise InputError(argument, value, f"a disk, with or without holes; this is {found}")
@@ -202,6 +205,12 @@ class FileSurface(ABC):
         )
 
     rough = False
+
+    def warn_of_edges(self, name, stacklevel):
+        """Warn of sharp edges, if there are any."""
+        if self.sharp:
+            text = f"{name} has edges sharper than {SHARP:g}°, {self.sharp:.3g} {self.unit} of them"
+            warnings.warn(f"{text}: the reaction there is not known", stacklevel=stacklevel + 1)
 
     @property
     def diameter(self):
@@ -266,15 +275,15 @@ def _sheets(levels, side, symmetric=False):
     return charts
 
 
-def _tube(level, rims):
+def tube(points, triangles, rims):
     """What is wrong with a surface of two rims of which neither goes around a hole; or None.
 
     The geodesic curvature of the rim of a hole adds up to −2π in a plane, and to 0 on a tube.
     """
     from .flatten import corner_angles
 
-    angles = corner_angles(level.vertices, level.triangles)
-    sums = np.bincount(level.triangles.ravel(), angles.ravel(), len(level.vertices))
+    angles = corner_angles(points, triangles)
+    sums = np.bincount(triangles.ravel(), angles.ravel(), len(points))
     turning = sorted(float(np.sum(np.pi - sums[rim])) for rim in rims)
     if len(rims) > 1 and turning[-2] > -TUBE:
         return "a tube; cut it open from rim to rim"

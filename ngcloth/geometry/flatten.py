@@ -6,6 +6,7 @@ from scipy.sparse.linalg import splu
 
 # As rigid as possible is a chart and a start, and no answer: steps end early.
 ITERATIONS, SETTLED = 30, 1e-3
+SHRUNK = 1e-6  # area of a triangle over what it was, of a chart that is of no use
 
 
 class FlatteningError(Exception):
@@ -33,7 +34,7 @@ def flatten(points, triangles, rims):
     Raises
     ------
     FlatteningError
-        If rounding flips triangles.
+        If rounding flips triangles, as where a rim is short for what hangs on it.
     """
     lengths = [np.linalg.norm(np.roll(points[r], -1, axis=0) - points[r], axis=1) for r in rims]
     outer = int(np.argmax([length.sum() for length in lengths]))
@@ -43,19 +44,27 @@ def flatten(points, triangles, rims):
             covered = np.concatenate([covered, _fan(rim, len(filled))])
             filled = np.concatenate([filled, points[rim].mean(axis=0)[None]])
     tutte = _tutte(filled, covered, rims[outer], lengths[outer])[: len(points)]
-    tutte = tutte * np.sqrt(_areas(points, triangles).sum() / _flat_areas(tutte, triangles).sum())
+    areas = _areas(points, triangles)
+    tutte = tutte * np.sqrt(areas.sum() / _flat_areas(tutte, triangles).sum())
     flat = _as_rigid_as_possible(points, triangles, tutte)
     if not is_embedding(flat, triangles, rims):
         flat = tutte
-        if not is_embedding(flat, triangles, rims):
-            raise FlatteningError("its triangles, laid flat, overlap by rounding; refine or repair")
+        shrunk = (_flat_areas(flat, triangles) < SHRUNK * areas).any()
+        if shrunk or not is_embedding(flat, triangles, rims):
+            around = lengths[outer].sum() / np.sqrt(4 * np.pi * areas.sum())
+            raise FlatteningError(
+                "laid flat, its triangles overlap by rounding; its rim is "
+                f"{around:.0%} of that of a flat disk of its area: cut it open, take less of it, "
+                "or repair needles"
+            )
     return _turned(points, triangles, flat)
 
 
 def is_embedding(flat, triangles, rims):
     """Whether no triangle is flipped or flat, and no rim crosses itself or another one."""
-    areas = _flat_areas(flat, triangles)
-    return bool(areas.min() > 1e-6 * areas.mean() and not _crossing(flat, rims))
+    sides = flat[triangles] - flat[np.roll(triangles, 1, axis=1)]
+    thick = _flat_areas(flat, triangles) / (sides**2).sum(axis=(1, 2))  # small ones are as good
+    return bool(thick.min() > 1e-6 and not _crossing(flat, rims))
 
 
 def between_mirrors(flat, triangles, rims, first, second):

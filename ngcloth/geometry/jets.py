@@ -85,10 +85,10 @@ class Jets:
     def _projected(self, points):
         count = min(BLENDED, len(self._centres))
         for _ in range(STEPS):
-            distance, nearest = self._near.query(points, count)
-            if (nearest == len(self._centres)).any():  # points that are no longer finite
+            if not np.abs(points).max() < 1e100:  # nor NaN
                 allowed = "a length over which the vertices are those of a smooth surface"
                 raise InputError("smoothing", float(self._radius.mean()), allowed)
+            distance, nearest = self._near.query(points, count)
             looks = self._frames[nearest, :, 2]
             weight = (1 - (distance / (1.001 * distance[:, -1:])) ** 2) ** 3
             weight *= np.einsum("nki,ni->nk", looks, looks[:, 0]) > ALIKE

@@ -7,6 +7,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 from scipy.spatial import cKDTree
 
+CLOSED = "a closed surface, which has no rim to pin; choose some of its faces, or cut it"
+
 
 @dataclass(frozen=True)
 class Topology:
@@ -56,7 +58,7 @@ class Topology:
         if not self.orientable:
             return "a surface of one side, as a Möbius strip; cut it open"
         if not self.rims:
-            return "a closed surface, which has no rim to pin; choose some of its faces, or cut it"
+            return CLOSED
         if self.euler != 1 - holes:
             handles = (2 - self.euler - len(self.rims)) // 2
             return f"a surface with handles ({handles}); cut it open"
@@ -155,7 +157,7 @@ def _loops(directed):
     return loops
 
 
-def clean(points, triangles):
+def clean(points, triangles, merge=True):
     """Merge points that coincide, and drop facets of fewer than three, or that come twice.
 
     Points within 1e-7 of the size of the whole are one. The points that no facet uses go.
@@ -166,11 +168,24 @@ def clean(points, triangles):
         Vertices.
     triangles : ndarray of int, (m, 3)
         By the numbers of their vertices.
+    merge : bool, optional
+        Whether to merge points. Default True.
 
     Returns
     -------
     points, triangles : ndarray
     """
+    if merge:
+        points, triangles = _merged(points, triangles)
+    a, b, c = triangles.T
+    triangles = triangles[(a != b) & (b != c) & (c != a)]
+    _, first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
+    triangles = triangles[np.sort(first)]
+    used, number = np.unique(triangles, return_inverse=True)
+    return points[used], number.reshape(-1, 3)
+
+
+def _merged(points, triangles):
     points, number = np.unique(points, axis=0, return_inverse=True)
     triangles = number.reshape(-1)[triangles]
     close = 1e-7 * np.linalg.norm(np.ptp(points, axis=0))
@@ -179,11 +194,4 @@ def clean(points, triangles):
     graph = coo_matrix((np.ones(len(pairs)), tuple(pairs.T)), shape=(n, n))
     _, number = connected_components(graph, directed=False)
     _, first, number = np.unique(number, return_index=True, return_inverse=True)
-    points, triangles = points[first], number.reshape(-1)[triangles]
-
-    a, b, c = triangles.T
-    triangles = triangles[(a != b) & (b != c) & (c != a)]
-    _, first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
-    triangles = triangles[np.sort(first)]
-    used, number = np.unique(triangles, return_inverse=True)
-    return points[used], number.reshape(-1, 3)
+    return points[first], number.reshape(-1)[triangles]

@@ -8,6 +8,7 @@ from netgen.occ import Axes, Box, Compound, Cylinder, MoveTo, Pnt, WorkPlane, X,
 
 from ngcloth.errors import InputError
 from ngcloth.geometry import cad
+from ngcloth.geometry._kernel import named
 from ngcloth.geometry.cad import from_cad
 
 
@@ -98,6 +99,15 @@ def test_any_spelling_of_the_ending_and_any_unit(folder, tmp_path, name):
     assert part.faces == 1
     (sheet,) = part.sheets(0.2 / 25.4, order=4)
     assert integral(sheet, area_element(sheet)) == pytest.approx(np.pi / 2 / 25.4**2, rel=1e-7)
+
+
+def test_names_that_are_not_set(folder):
+    """They are empty for the kernel; what else is not set stays so, and files with names do."""
+    given = b"#1=CURVE($,#2,$);#3 = FACE ( $,(#1));(ITEM()REPRESENTATION_ITEM($));#4=UNIT(*,$)"
+    names = b"#1=CURVE('',#2,$);#3 = FACE ( '',(#1));(ITEM()REPRESENTATION_ITEM(''));#4=UNIT(*,$)"
+    assert named(given) == names
+    whole = (folder / "octant.step").read_bytes()
+    assert named(whole) == whole
 
 
 def test_faces_that_join_smoothly(tmp_path):
@@ -202,11 +212,31 @@ def test_refused_files(tmp_path, name, data):
         from_cad(tmp_path / name)
 
 
+def test_a_closed_surface_is_refused_before_it_is_meshed(folder, monkeypatch):
+    Box(Pnt(0, 0, 0), Pnt(1, 1, 1)).WriteStep(str(folder / "closed.step"))
+    monkeypatch.setattr(cad, "MESHING", (1e-3, 0.0))
+    with pytest.raises(InputError, match="a closed surface"):
+        from_cad(folder / "closed.step")
+    with pytest.raises(InputError, match="no end after"):
+        from_cad(folder / "closed.step", [0, 1])
+
+
 def test_a_mesher_without_end_is_ended(folder, monkeypatch):
     part = from_cad(folder / "octant.step", "dome")
     monkeypatch.setattr(cad, "MESHING", (1e-3, 0.0))
     with pytest.raises(InputError, match="can be meshed .*no end after"):
         part.sheets(0.3, order=2)
+
+
+def test_small_rounds_do_not_ask_for_many_triangles(tmp_path):
+    box, radius = Box(Pnt(0, 0, 0), Pnt(1, 1, 1)), 1e-3
+    edge = [e for e in box.edges if np.allclose(tuple(e.center), (1, 0.5, 1))]
+    box.MakeFillet(edge, radius).WriteStep(str(tmp_path / "box.step"))
+    part = from_cad(tmp_path / "box.step", lambda f: f.centre[2] > 0.99 or f.centre[0] > 0.99)
+    assert part.faces == 3 and part.sharp == 0
+    assert part.area == pytest.approx(2 - 2 * radius + np.pi / 2 * radius, rel=1e-4)
+    (sheet,) = part.sheets(0.1, order=2)
+    assert sheet.mesh.ne < 5000  # 31 000 if curvature decides
 
 
 def test_a_warning_of_sharp_edges(tmp_path):

@@ -78,6 +78,42 @@ def test_every_format(tmp_path, ending):
     assert "cm" in str(part)
 
 
+@pytest.mark.parametrize("ending", [".obj", ".ply"])
+def test_a_tube_that_was_cut_open(tmp_path, ending):
+    n, m = 24, 12
+    points, triangles = shapes.tube(2.0, n=n, m=m)
+    seam = np.arange(0, len(points), n)
+    last = (triangles % n == n - 1).any(axis=1)[:, None] & (triangles % n == 0)
+    triangles = np.where(last, len(points) + triangles // n, triangles)
+    points = np.concatenate([points, points[seam]])  # both sides of the cut are in one place
+    path = tmp_path / f"cut{ending}"
+    if ending == ".ply":
+        saved(path, points, triangles)
+    else:  # with textures, by which VTK would take all triangles apart
+        lines = ["v {} {} {}".format(*point) for point in points] + ["vt 0 0", "vt 1 0", "vt 0 1"]
+        lines += ["f {}/1 {}/2 {}/3".format(*corners) for corners in triangles + 1]
+        path.write_text("\n".join(lines))
+    tube = from_mesh(path)
+    assert len(tube.topology.rims) == 1 and tube.area == pytest.approx(4 * np.pi, rel=1e-3)
+    (sheet,) = type(tube).of_arrays(tube.arrays()).sheets(0.4, order=2)
+    assert integral(sheet, 1) == pytest.approx(4 * np.pi, rel=2e-2)  # it unrolls
+
+
+def test_sharp_edges_are_told():
+    points, triangles = strip(2.0, 1.0, 48)
+    points[:, 2] = np.abs(points[:, 0] - 1)
+    with pytest.warns(UserWarning, match="sharper than 5°"):
+        assert from_mesh((points, triangles)).sharp > 0.3
+
+
+def twisted(n):
+    """A strip with vertices but on its rims and its middle, and far denser along than across."""
+    x, y = np.meshgrid(np.linspace(0, 2, n), [-1.0, 0, 1], indexing="ij")
+    points = np.stack([x, y * np.cos(2 * x), y * np.sin(2 * x)], axis=-1).reshape(-1, 3)
+    a = np.add.outer(3 * np.arange(n - 1), [0, 1]).ravel()
+    return points, np.concatenate([np.stack(t, 1) for t in ((a, a + 3, a + 4), (a, a + 4, a + 1))])
+
+
 def test_side_and_mixed_orientation():
     points, triangles = shapes.facets(9)
     triangles[::3] = triangles[::3][:, [1, 0, 2]]
@@ -139,9 +175,13 @@ def broken(change):
         (broken(lambda p, t: (p, 1.0 * t)), "whole numbers"),
         (broken(lambda p, t: (0 * p, t)), "all points are one"),
         (broken(lambda p, t: (1e-6 * p, t)), "is that its unit"),
-        (broken(lambda p, t: (np.vstack([p, p + 5]), np.vstack([t, t + len(p)]))), "2 loose parts"),
+        (
+            broken(lambda p, t: (np.vstack([p, p + 5]), np.vstack([t, t + len(p)]))),
+            "2 loose parts.*cut the part",
+        ),
         (broken(lambda p, t: (np.vstack([p, -p]), np.vstack([t, t + len(p)]))), "closed|loose"),
         (strip(2000.0, 0.2), "can be meshed"),
+        (twisted(41), "facets near a smooth surface"),
         (broken(lambda p, t: (p + scattered(p.shape), t)), "a smooth surface|laid flat"),
         (shapes.tube(0.2), "a tube; cut it open"),
         (shapes.tube(3.0), "a tube; cut it open"),

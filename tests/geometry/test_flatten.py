@@ -82,6 +82,20 @@ def test_flips_and_crossings_are_seen():
     assert not is_embedding(wound, triangles, rims)
 
 
+def test_small_triangles_beside_large_ones_are_no_flips():
+    square, triangles = grid(60, 10)
+    radius, angle = 10 ** (-5 * square[:, 0]), np.pi / 2 * square[:, 1]
+    points = np.stack([radius * np.cos(angle), radius * np.sin(angle), radius**2], axis=-1)
+    rims = topology(triangles)[0].rims  # areas from 1 to 1e-10
+    assert is_embedding(flatten(points, triangles, rims), triangles, rims)
+
+
+def test_a_sock_is_more_than_its_rim_can_take_in():
+    points, triangles = shapes.facets(16)
+    with pytest.raises(FlatteningError, match="its rim is 11% of that of a flat disk"):
+        flatten(points * [1, 1, 50], triangles, topology(triangles)[0].rims)
+
+
 def test_a_needle_that_rounding_flips_is_told():
     square, triangles = grid(3, 3)
     points = np.column_stack([square, 0 * square[:, 0]])

@@ -69,7 +69,7 @@ def solve(
         goes unbalanced, and the energy converges only like h, from below.
     quadrature : int, optional
         Degree of the integration rules, at whose points inside and along the rim limits hold. By
-        default ``2 * order + 2``; at most 30.
+        default ``2 * order + 2``, with constraints from order 5 on ``4 * order - 4``; at most 30.
     barrier_end : float, optional
         The barrier weight μ over kc at which a solve with constraints ends, 1e-12 to 1. By default
         1e-4 of the cost per area, where the barrier no longer shows; with the "paper" schedule

@@ -17,6 +17,8 @@ RESOLVED = 0.05  # of the stress, or of kc: what a richer space may find unbalan
 EQUILIBRIUM = 0.075  # of the stress, a tenth of what reaches the rim: what may be unbalanced inside
 UNFELT = 1e-2  # of kc, what a strain of 1e-3 makes: unbalanced, an error of the mesh
 FLAT = 1e-2  # of the stress: curvature that counts as zero
+# A strain: in a richer space no limit is nearer, else 1/c² drowns all other forces in rounding.
+TOUCHING = 1e-7
 
 
 class StationaryPoint:
@@ -125,7 +127,7 @@ class StationaryPoint:
 
     def _about_psi(self):
         residual, v = self.remainder(self.patch.order)
-        richer, _ = self.remainder(self.patch.order + 1)
+        richer, _ = self.remainder(self.patch.order + 1, TOUCHING)
         pencil = Pencil(self, v)
         flips = [(0, 0), (1, 0), (0, 1), (1, 1)] if self.scene.symmetric else [(0, 0)]
         strain, share = pencil.barrier_effect() if self.limits else (0.0, 0.0)
@@ -146,17 +148,19 @@ class StationaryPoint:
             self._systems[order] = System(self, order)
         return self._systems[order]
 
-    def remainder(self, order):
+    def remainder(self, order, touching=0.0):
         """The least of |dL|² + Σ ∫ (c z − μ)² dA over all v and z, its root per √area; and v.
 
         The first norm is dual to the H¹ seminorm over ψ of that order. With z = μ/c + ∇c·w/c² the
         solution w is what would have to be gained: c z alone may be off by μ at the solver's end.
+        Slacks c of less than `touching`, as a strain, count as that much: no z gets by more easily.
         """
         system = self.system(order)
         force = system.load(self.inside, self.flat_areas[:, None] * self.cost[1])
         tangents = [self.flat_areas[:, None, None] * self.inside.norm(), 0.0]
         for number, limits in enumerate(self.limits):
-            ratios = limits.slopes / limits.values[:, :, None]
+            least = touching * np.abs(limits.slopes).max(axis=2)
+            ratios = limits.slopes / np.maximum(limits.values, least)[:, :, None]
             weighted = limits.weights[:, None] * ratios
             force -= self.mu * system.load(limits.points, weighted.sum(axis=0))
             tangents[number] = tangents[number] + np.einsum("sni,snj->nij", weighted, ratios)

@@ -223,6 +223,15 @@ def test_saddle():
     assert stable.certified and stable.curvature == pytest.approx(0, abs=1e-9)
 
 
+def test_a_weak_barrier_does_not_drown_what_the_mesh_leaves_unbalanced():
+    """Active slacks of 1e-9 ask for 1e18 in the matrix; that of a richer space is not so exact."""
+    strong, weak = (
+        solve(hemisphere(1.0), maxh=0.3, barrier_end=end).certificate().stationarity_richer
+        for end in (1e-5, 1e-7)
+    )
+    assert weak == pytest.approx(strong, rel=0.02) and strong > 0.01
+
+
 def test_a_saddle_of_a_shallow_cap(monkeypatch):
     """Threads along the axes are stationary there, and turning them changes the energy by about the
     square of a small stress: it falls by a tenth where they go along the diagonals."""

@@ -169,11 +169,12 @@ Each scene is solved through a chain of meshes of half the size each. The first 
 shows those on all of them, the next the last with its bar: what the last halving changed, and the
 gap of duality of the barrier. Where the energies do not tend to a limit the table says "not
 resolved": on the sphere with p = 0.85 orders 3 to 6 on one coarse mesh fall to 0.903, so that 0.978
-is too high, although it is a minimum on its mesh, and certified there. On the next mesh, at 0.945,
-500 steps were used up. At p = 0.7 to 0.8 the last halving still moves the energy by 2 to 4 %, a
-quarter to a half of what the one before did. References are independent of the chains: order 4,
-maxh 0.05 and 0.06, barrier_end 1e-6. Worst slack: the least λ − 1, γmax − |γ| or τ/max |τ| on a
-lattice of 24 points to a side of every triangle. [results.csv](results.csv) has all columns."""
+is too high, although it is a minimum on its mesh; the certificate tells what that leaves
+unbalanced. On the next mesh, at 0.945, 500 steps were used up. At p = 0.7 to 0.8 the last halving
+still moves the energy by 2 to 4 %, a quarter to a half of what the one before did. References are
+independent of the chains: order 4, maxh 0.05 and 0.06, barrier_end 1e-6. Worst slack: the least λ −
+1, γmax − |γ| or τ/max |τ| on a lattice of 24 points to a side of every triangle.
+[results.csv](results.csv) has all columns."""
 MINIMA = """\
 What each start leads to on coarse meshes; (s1, s2) is ψ = (s1 θ1, s2 θ2). With the obstacle, digits
 at rounding error may decide which of two mirror images is found.

@@ -58,8 +58,7 @@ class FacetSurface(FileSurface):
         self.box = np.array([points.min(axis=0), points.max(axis=0)])
         check_size(self.box, unit, argument, value)
         found, turned = topology(triangles)
-        fault = _fault(points, triangles)
-        if fault:
+        if fault := _fault(points, triangles, found):
             allowed = f"a disk, with or without holes; this is {fault} (found: {found}). {CHOICE}"
             raise InputError(argument, value, allowed)
         triangles[turned] = triangles[turned][:, [1, 0, 2]]
@@ -210,14 +209,16 @@ def _whole(points, triangles):
 
     A tube that was cut open has both sides of the cut in one place.
     """
-    whole, own = clean(points, triangles), clean(points, triangles, merge=False)
-    cut = len(own[0]) > len(whole[0]) and _fault(*whole) and not _fault(*own)
-    return own if cut else whole
+    whole = clean(points, triangles)
+    if _fault(*whole, topology(whole[1])[0]):
+        own = clean(points, triangles, merge=False)
+        if not _fault(*own, topology(own[1])[0]):
+            return own
+    return whole
 
 
-def _fault(points, triangles):
-    """Why facets are no disk; None if they are one."""
-    found, _ = topology(triangles)
+def _fault(points, triangles, found):
+    """Why facets of this topology are no disk; None if they are one."""
     return found.fault or tube(points, triangles, found.rims)
 
 
